@@ -133,15 +133,15 @@ class CEquations:
         self, name: str, results: Sequence[int], expressions: Mapping[int, str], discrete: int
     ) -> str:
         """Return the C function of a block's method, which gives results."""
-        arguments_, targets = "", [f"result[{i}]" for i in range(len(results))]
+        further_arguments, targets = "", [f"result[{i}]" for i in range(len(results))]
         if name == "derivatives":
-            arguments_ = ", const double *stepwise"
+            further_arguments = ", const double *stepwise"
         elif name.endswith("_tangent"):
-            arguments_ = ", double d_time, const double *d"
+            further_arguments = ", double d_time, const double *d"
         elif name == "update_and_outputs":
-            arguments_ = ", double *next"
+            further_arguments = ", double *next"
             targets = [*(f"next[{i}]" for i in range(discrete)), *targets[: len(results) - discrete]]
-        arguments = f"double time, const double *v, const double *fixed{arguments_}, double *result"
+        arguments = f"double time, const double *v, const double *fixed{further_arguments}, double *result"
         return self._format_function(
             f"{name}({arguments})", list(zip(targets, results, strict=True)), expressions
         )
@@ -185,7 +185,7 @@ class CEquations:
     ) -> dict[int, tuple[int, ...]]:
         """Return the conditions under which each operation is computed, if they are worth a branch."""
         conditions_of = conditions(self._graph, target_numbers, numbers)
-        saved = dict.fromkeys((c for conditions_ in conditions_of.values() for c in conditions_), 0)
+        saved = dict.fromkeys((c for scope in conditions_of.values() for c in scope), 0)
         for number in numbers:
             for condition in conditions_of[number]:
                 saved[condition] += _BRANCH if self._graph.operations[number].code in _EXPENSIVE else 1

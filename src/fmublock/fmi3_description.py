@@ -158,11 +158,11 @@ def _add_structure(
 ) -> None:
     """Add the dependencies of outputs, derivatives and initial unknowns, each of whole variables."""
     first = list(accumulate(range(len(lengths)), lambda before, r: r if lengths[r] else before))
-    dependencies_ = find_structure(block, symbolic, True, time_reference(block))
+    model_structure = find_structure(block, symbolic, True, time_reference(block))
     for kind, unknowns in (
-        ("Output", dependencies_.outputs),
-        ("ContinuousStateDerivative", dependencies_.derivatives),
-        ("InitialUnknown", dependencies_.initial),
+        ("Output", model_structure.outputs),
+        ("ContinuousStateDerivative", model_structure.derivatives),
+        ("InitialUnknown", model_structure.initial),
     ):
         by_variable = dict[int, set[int]]()
         for reference, knowns in sorted(unknowns.items()):

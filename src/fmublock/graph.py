@@ -141,7 +141,7 @@ def conditions(graph: Graph, results: Sequence[int], numbers: Sequence[int]) -> 
 
     A choice needs its second operand only if the first one, its condition, holds.
     """
-    numbers_ = set(numbers)
+    members = set(numbers)
     conditions_of = dict.fromkeys(results, frozenset[int]())
     for number in reversed(numbers):
         code, operands = graph.operations[number].code, graph.operations[number].operands
@@ -149,6 +149,6 @@ def conditions(graph: Graph, results: Sequence[int], numbers: Sequence[int]) -> 
             use = (
                 conditions_of[number] | {operands[0]} if code == CHOICE and k == 1 else conditions_of[number]
             )
-            if operand in numbers_:
+            if operand in members:
                 conditions_of[operand] = conditions_of[operand] & use if operand in conditions_of else use
     return conditions_of

@@ -84,8 +84,8 @@ def _convert_method(block: Block, method: str) -> tuple[casadi.Function, list[st
     v = _SymbolicValues()
     v.__dict__["time"] = Symbol(time)
     for variable in (*layout.inputs, *layout.parameters, *layout.states, *layout.discrete_states):
-        symbols_ = [Symbol(symbols[r]) for r in layout.references((variable,))]
-        v.__dict__[variable.attribute] = variable.nested(symbols_)
+        variable_symbols = [Symbol(symbols[r]) for r in layout.references((variable,))]
+        v.__dict__[variable.attribute] = variable.nested(variable_symbols)
     values_before, results = (
         repr(vars(v)),
         Conditions(block) if method == "conditions" else Results(block, method),

@@ -4,7 +4,7 @@ import pytest
 
 from tests.support.identifiers import VAGUE, count_vague_names, find_faults_of_prose
 
-MOST = {words: 0 for words in VAGUE}
+MOST = dict.fromkeys(VAGUE, 0)
 """Most definitions of vague names. Lower a number when you rename some; never raise it."""
 
 

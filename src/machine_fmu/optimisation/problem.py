@@ -178,11 +178,11 @@ class MotionProblem:
     @property
     def loads(self) -> list[Load]:
         """Payloads on the way, in order."""
-        loads_ = [Load(0.0, 1.0, self.payload)]
+        loads = [Load(0.0, 1.0, self.payload)]
         for moment, via in zip(self.moments, self.via, strict=True):
             if via.payload is not None:
-                loads_[-1:] = [loads_[-1]._replace(last=moment), Load(moment, 1.0, via.payload)]
-        return loads_
+                loads[-1:] = [loads[-1]._replace(last=moment), Load(moment, 1.0, via.payload)]
+        return loads
 
     def payload_until(self, moment: float) -> float:
         """Return the payload in kg with which the machine arrives at a moment, a fraction of the duration."""
@@ -213,13 +213,13 @@ class MotionProblem:
     @cached_property
     def postures(self) -> list[Numbers | None]:
         """Guesses, None for a position that is out of reach."""
-        postures_, last = list[Numbers | None](), self.q_S
+        postures, last = list[Numbers | None](), self.q_S
         for _, moment, position in self.aims:
             payload = self.payload_until(moment)
             heights = partial(self._heights, payload=payload)
-            postures_.append(nearest_posture(Reach(self.machine, payload), position, last, heights))
-            last = postures_[-1] or last
-        return postures_ if self.tip_E is not None else [*postures_, self.q_E]
+            postures.append(nearest_posture(Reach(self.machine, payload), position, last, heights))
+            last = postures[-1] or last
+        return postures if self.tip_E is not None else [*postures, self.q_E]
 
     def _heights(self, strokes: np.ndarray, payload: float) -> np.ndarray:
         """Return for each row of strokes the heights in m of all points above those that are required."""

@@ -162,10 +162,10 @@ def point_distances(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np
 
 def _list_body_axes(machine: MachineModel, name: str, ends: Sequence[str]) -> list[Axis]:
     joint, part = machine.machine.bodies[name].joint, f"'{name}'"
-    axes_ = [Axis(part, name, end) for end in ends if end != name]
+    body_axes = [Axis(part, name, end) for end in ends if end != name]
     if joint.kind == "prismatic":
-        axes_.append(Axis(part, f"{joint.parent}.{joint.at}" if joint.at else joint.parent, name))
-    return axes_
+        body_axes.append(Axis(part, f"{joint.parent}.{joint.at}" if joint.at else joint.parent, name))
+    return body_axes
 
 
 def _list_carried_points(machine: MachineModel, name: str) -> list[str]:

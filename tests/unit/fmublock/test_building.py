@@ -90,8 +90,8 @@ def test_the_command_builds_from_any_folder(
     assert "license=" not in description and 'generationTool="EMLA-Cosim fmublock"' in description
     ticks: list[None] = []
     drive = load_block("mine.py:Drive")
-    again = build(drive(), "again.fmu", flavour=flavour, advance=lambda: ticks.append(None))
-    assert again.read_bytes() == fmu.read_bytes()
+    repeated = build(drive(), "again.fmu", flavour=flavour, advance=lambda: ticks.append(None))
+    assert repeated.read_bytes() == fmu.read_bytes()
     assert len(ticks) == (flavour == "native")  # one for each platform
 
 
@@ -241,18 +241,18 @@ def test_importing_fmublock_imports_no_large_package() -> None:
 def test_related_files_are_listed_with_their_roles(folder: Path) -> None:
     text = "time,y\n0,1\n"
     related = [RelatedFile("a&b_ref.csv", text, "result", "text/csv", 'A "result" of 1 < 2')]
-    other, place = load_block("mine.py:Other"), "extra/org.fmi-standard.fmi-ls-ref"
+    second_block, related_folder = load_block("mine.py:Other"), "extra/org.fmi-standard.fmi-ls-ref"
     with zipfile.ZipFile(
-        build(other, "with.fmu", flavour="python", documents=Documents(related=related))
+        build(second_block, "with.fmu", flavour="python", documents=Documents(related=related))
     ) as archive:
-        assert archive.read(f"{place}/a&b_ref.csv").decode() == text
-        root = ElementTree.fromstring(archive.read(f"{place}/fmi-ls-manifest.xml"))
+        assert archive.read(f"{related_folder}/a&b_ref.csv").decode() == text
+        root = ElementTree.fromstring(archive.read(f"{related_folder}/fmi-ls-manifest.xml"))
     space = "{http://fmi-standard.org/fmi-ls-manifest}"
-    assert root.tag == "fmiReferences" and root.get(f"{space}fmi-ls-name") == place.partition("/")[2]
-    assert [one.attrib for one in root] == [
+    assert root.tag == "fmiReferences" and root.get(f"{space}fmi-ls-name") == related_folder.partition("/")[2]
+    assert [element.attrib for element in root] == [
         {"type": "text/csv", "source": "a&b_ref.csv", "role": "result", "description": 'A "result" of 1 < 2'}
     ]
-    with zipfile.ZipFile(build(other, "without.fmu", flavour="python")) as archive:
+    with zipfile.ZipFile(build(second_block, "without.fmu", flavour="python")) as archive:
         assert not [name for name in archive.namelist() if name.startswith("extra")]
 
 

@@ -45,10 +45,10 @@ BINARY = (add, sub, mul, truediv, casadi.fmin, casadi.fmax, casadi.fmod, casadi.
 
 def expression(chance: random.Random, leaves: Sequence[casadi.SX], size: int) -> list[casadi.SX]:
     """So many values, each of some before."""
-    known = list(leaves)
+    existing = list(leaves)
 
     def any_of() -> casadi.SX:
-        return chance.choice(known)
+        return chance.choice(existing)
 
     def condition() -> casadi.SX:
         kind = chance.randrange(4)
@@ -66,19 +66,19 @@ def expression(chance: random.Random, leaves: Sequence[casadi.SX], size: int) ->
         *[lambda: casadi.if_else(condition(), any_of(), casadi.exp(any_of()) + any_of())] * 5,
     ]
     for _ in range(size):
-        known.append(chance.choice(makers)())
-    return known[len(leaves) :]
+        existing.append(chance.choice(makers)())
+    return existing[len(leaves) :]
 
 
 def random_block(seed: int) -> SymbolicBlock:
     chance = random.Random(seed)
     time, values = casadi.SX.sym("time"), casadi.SX.sym("v", VALUES)
     constants = [casadi.SX(c) for c in (0.0, -0.0, -1.5, 3.0, math.inf)]
-    found = expression(chance, [time, *casadi.vertsplit(values), *constants], 60)
+    expressions = expression(chance, [time, *casadi.vertsplit(values), *constants], 60)
 
     def function(name: str, count: int) -> casadi.Function:
-        chosen = casadi.vertcat(*(chance.choice(found[-20:]) for _ in range(count)))
-        return casadi.Function(name, [time, values], [chosen])
+        results = casadi.vertcat(*(chance.choice(expressions[-20:]) for _ in range(count)))
+        return casadi.Function(name, [time, values], [results])
 
     return SymbolicBlock(
         function("derivatives", 3),
@@ -105,18 +105,18 @@ def compiled(text: str, folder: Path) -> Any:
     source, library = folder / "equations.c", folder / "equations.so"
     source.write_text(f"#include <math.h>\n{text}\n{EXPORTS}")
     flags = ["-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-Wall", "-Wno-unused-function"]
-    done = subprocess.run(
+    process = subprocess.run(
         ["cc", *flags, str(source), "-o", str(library), "-lm"], capture_output=True, text=True, check=False
     )
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (process.returncode, process.stderr) == (0, "")
     function = ctypes.CDLL(str(library)).all_values
     function.argtypes = [ctypes.c_double, *[np.ctypeslib.ndpointer(np.float64)] * 4]
     return function
 
 
-def same_bits(found: np.ndarray, expected: np.ndarray) -> bool:
+def same_bits(expressions: np.ndarray, expected: np.ndarray) -> bool:
     """Any NaN is as good as another, and of two zeros of a minimum either."""
-    return np.array_equal(found, expected, equal_nan=True)
+    return np.array_equal(expressions, expected, equal_nan=True)
 
 
 @pytest.mark.parametrize("seed", mostly_slow(SEEDS, range(8)))
@@ -184,10 +184,10 @@ def test_update_and_outputs_share_common_terms(body: dict[str, str]) -> None:
 
 
 def test_terms_of_a_rejected_choice_are_behind_a_branch(body: dict[str, str]) -> None:
-    whole = body["update_and_outputs"]
-    (inside,) = re.findall(r"if \(fixed\[\d+\] != 0\.0\) \{\n(.*?)\n    \}", whole, re.DOTALL)
+    function_text = body["update_and_outputs"]
+    (inside,) = re.findall(r"if \(fixed\[\d+\] != 0\.0\) \{\n(.*?)\n    \}", function_text, re.DOTALL)
     assert "sin(" in inside and "/" in inside
-    outside = whole.replace(inside, "")
+    outside = function_text.replace(inside, "")
     assert "sin(" not in outside and "/" not in outside
 
 
@@ -221,9 +221,9 @@ def test_terms_of_parameters_follow_them(sessions: dict[str, Session]) -> None:
         slave.doStep(0.0, 1e-3)
         return session.get(slave, *names), before
 
-    given = {"motor.J_m": 2e-3, "gearbox.eta_GB": 0.8, "start.x_L": 0.3, "F_L": 1e3}
-    heavy, state = stepped(given)
-    instance = started(EmlaPlant, given)
+    values_ = {"motor.J_m": 2e-3, "gearbox.eta_GB": 0.8, "start.x_L": 0.3, "F_L": 1e3}
+    heavy, state = stepped(values_)
+    instance = started(EmlaPlant, values_)
     instance.do_step(0.0, 1e-3)
     assert heavy == [instance[name] for name in names]
     assert stepped({}, state)[0] == heavy != stepped({})[0]

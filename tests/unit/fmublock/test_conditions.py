@@ -100,7 +100,7 @@ def test_what_cannot_be_computed_at_the_start_gives_one_message() -> None:
 
 
 @pytest.mark.parametrize(
-    ("checks", "said"),
+    ("checks", "message"),
     [
         (
             lambda v: {"small": v.x < 1.0 and v.y < 1.0},
@@ -110,7 +110,7 @@ def test_what_cannot_be_computed_at_the_start_gives_one_message() -> None:
         (lambda v: {"x must be small": "yes"}, r": 'x must be small' is 'yes', which is not a number"),
     ],
 )
-def test_wrong_conditions_end_the_export(checks: Any, said: str) -> None:
+def test_wrong_conditions_end_the_export(checks: Any, message: str) -> None:
     block = type("Wrong", (Divided,), {"checks": staticmethod(checks)})
-    with pytest.raises(BuildError, match=rf"^Wrong\.conditions.*{said}"):
+    with pytest.raises(BuildError, match=rf"^Wrong\.conditions.*{message}"):
         evaluate_symbolically(block())

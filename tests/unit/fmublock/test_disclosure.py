@@ -60,7 +60,7 @@ class Spring(Block):
 
 VALUES = {"spring.k": 7.654321, "spring.law": "cubic", "gains[2]": 0.25}
 VALUES |= {"damper.on": False, "start.x": 0.4375}
-ASKED = Disclosure(
+DISCLOSURE = Disclosure(
     values=VALUES, fixed=["body.m", "gains"], hidden=["spring.*", "damper.on", "start.x", "stop.x"]
 )
 
@@ -78,13 +78,13 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def restricted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The FMU for another company."""
-    return build(Spring, tmp_path_factory.mktemp("restricted") / "Spring.fmu", disclosure=ASKED)
+    return build(Spring, tmp_path_factory.mktemp("restricted") / "Spring.fmu", disclosure=DISCLOSURE)
 
 
 def run(fmu: Path, fmi_type: str, start_values: dict[str, Any]) -> np.ndarray:
-    given = np.array([(0.0, 0.0), (2.0, 5.0)], dtype=[("time", float), ("F", float)])
+    rows = np.array([(0.0, 0.0), (2.0, 5.0)], dtype=[("time", float), ("F", float)])
     return simulate_fmu(
-        str(fmu), stop_time=2.0, output_interval=0.01, input=given, start_values=start_values,
+        str(fmu), stop_time=2.0, output_interval=0.01, input=rows, start_values=start_values,
         fmi_type=fmi_type, output=["x", "v", "y"],
     )  # fmt: skip
 
@@ -159,7 +159,7 @@ def test_serialized_states_have_no_hidden_value_and_continue_with_the_same_bits(
 
 
 @pytest.mark.parametrize(
-    ("asked", "message"),
+    ("disclosure", "message"),
     [
         (Disclosure(hidden=["spring.kk"]), r"there is no parameter spring\.kk; did you mean spring\.k\?"),
         (Disclosure(hidden=["F"]), "F is an input; only parameters can be hidden"),
@@ -175,15 +175,15 @@ def test_serialized_states_have_no_hidden_value_and_continue_with_the_same_bits(
         (Disclosure(values={"start.x": 6}), "no instance of this FMU could start: .*must not exceed 5 m"),
     ],
 )
-def test_wrong_disclosures_are_refused(asked: Disclosure, message: str) -> None:
+def test_wrong_disclosures_are_refused(disclosure: Disclosure, message: str) -> None:
     with pytest.raises(DisclosureError, match=message):
-        Recipe.of(Spring, "native", disclosure=asked)
+        Recipe.of(Spring, "native", disclosure=disclosure)
 
 
 def test_readable_fmus_cannot_hide(tmp_path: Path) -> None:
-    for asked in (Disclosure(sources=False), Disclosure(fixed=["body.m"])):
+    for disclosure in (Disclosure(sources=False), Disclosure(fixed=["body.m"])):
         with pytest.raises(DisclosureError, match="build a native FMU"):
-            build(Spring, tmp_path / "Spring.fmu", flavour="python", disclosure=asked)
+            build(Spring, tmp_path / "Spring.fmu", flavour="python", disclosure=disclosure)
 
 
 def test_disclosures_have_different_keys() -> None:

@@ -49,7 +49,7 @@ BRANCH, NUMBER = (
 )
 
 
-def mine(folder: Path, body: str) -> type[Block]:
+def define_block(folder: Path, body: str) -> type[Block]:
     """The block above with this body of `outputs`."""
     file = folder / "mine.py"
     file.write_text(HEAD + indent(body, 8 * " ") + TAIL)
@@ -59,7 +59,7 @@ def mine(folder: Path, body: str) -> type[Block]:
 def sentence(folder: Path, body: str) -> str:
     """Return the error message about this body of `outputs`."""
     with pytest.raises(BuildError) as refused:
-        evaluate_symbolically(mine(folder, body)())
+        evaluate_symbolically(define_block(folder, body)())
     assert "\n" not in str(refused.value)
     return str(refused.value)
 
@@ -68,7 +68,7 @@ def sentence(folder: Path, body: str) -> str:
 def test_the_message_is_that_of_a_build(tmp_path: Path, flavour: str) -> None:
     body = "return {'P': math.sin(v.F), 'Q': v.v}"
     with pytest.raises(BuildError) as refused:
-        build(mine(tmp_path, body), tmp_path / "Mine.fmu", flavour=flavour)
+        build(define_block(tmp_path, body), tmp_path / "Mine.fmu", flavour=flavour)
     assert str(refused.value) == sentence(tmp_path, body)
 
 
@@ -111,13 +111,13 @@ def test_the_message_is_that_of_a_build(tmp_path: Path, flavour: str) -> None:
 def test_expressions_that_differ_between_symbols_and_floats_are_refused(
     tmp_path: Path, expression: str, culprit: str | None, reason: str
 ) -> None:
-    said = sentence(tmp_path, f'return {{\n    "P": v.v,\n    "Q": {expression},\n}}\n')
-    assert said.startswith(f"Mine.outputs, Q: `{culprit or expression}` in line {FIRST + 2} of mine.py ")
-    assert reason in said
+    message = sentence(tmp_path, f'return {{\n    "P": v.v,\n    "Q": {expression},\n}}\n')
+    assert message.startswith(f"Mine.outputs, Q: `{culprit or expression}` in line {FIRST + 2} of mine.py ")
+    assert reason in message
 
 
 @pytest.mark.parametrize(
-    ("body", "result", "line", "said"),
+    ("body", "result", "line", "message"),
     [
         ("s = math.sin(v.F)\nt = 2.0 * s\nreturn {'P': t, 'Q': v.v}", ", P", 1, "`math.sin(v.F)`"),
         ("a = 1.0\nif v.v > 0.0:\n    a = 2.0\nreturn {'P': a, 'Q': 1.0}", ", P", 2, "`v.v > 0.0`"),
@@ -130,28 +130,28 @@ def test_expressions_that_differ_between_symbols_and_floats_are_refused(
     ],
 )
 def test_statements_that_differ_between_symbols_and_floats_are_refused(
-    tmp_path: Path, body: str, result: str, line: int, said: str
+    tmp_path: Path, body: str, result: str, line: int, message: str
 ) -> None:
-    start = f"Mine.outputs{result}: {said} in line {FIRST + line - 1} of mine.py "
+    start = f"Mine.outputs{result}: {message} in line {FIRST + line - 1} of mine.py "
     assert sentence(tmp_path, body).startswith(start)
 
 
 @pytest.mark.parametrize(
-    ("body", "said"),
+    ("body", "message"),
     [
         ("v.w[0] = 1.0\nreturn {'P': 1.0, 'Q': 1.0}", "changes a value of the block"),
         ("return {'P': random.random() * v.v, 'Q': 1.0}", "gives different equations in a second call"),
         ("self.x = getattr(self, 'x', v.v)\nreturn {'P': self.x, 'Q': 1.0}", "gives different equations"),
     ],
 )
-def test_methods_with_memory_or_random_numbers_are_refused(tmp_path: Path, body: str, said: str) -> None:
-    assert sentence(tmp_path, body).startswith(f"Mine.outputs {said}")
+def test_methods_with_memory_or_random_numbers_are_refused(tmp_path: Path, body: str, message: str) -> None:
+    assert sentence(tmp_path, body).startswith(f"Mine.outputs {message}")
 
 
 def test_the_message_has_the_line_of_the_helper_and_the_output_of_the_method(tmp_path: Path) -> None:
-    said = sentence(tmp_path, "return {'P': self.helped(v.v), 'Q': 1.0}")
+    message = sentence(tmp_path, "return {'P': self.helped(v.v), 'Q': 1.0}")
     line = FIRST + TAIL.splitlines().index("    return math.sqrt(x)")
-    assert said.startswith(f"Mine.outputs, P: `math.sqrt(x)` in line {line} of mine.py {NUMBER}")
+    assert message.startswith(f"Mine.outputs, P: `math.sqrt(x)` in line {line} of mine.py {NUMBER}")
 
 
 def test_numpy_functions_of_symbols_are_refused(tmp_path: Path) -> None:
@@ -162,16 +162,16 @@ def test_numpy_functions_of_symbols_are_refused(tmp_path: Path) -> None:
         "np.dot(v.w, v.w)",
         "float(np.max(v.w))",
     ):
-        block = mine(tmp_path, f"import numpy as np\nreturn {{'P': {expression}, 'Q': 1.0}}")
+        block = define_block(tmp_path, f"import numpy as np\nreturn {{'P': {expression}, 'Q': 1.0}}")
         with pytest.raises(BuildError, match=r"^Mine.outputs, P: `np\..* in line \d+ of mine.py "):
             evaluate_symbolically(block())
-    scalar = mine(tmp_path, "import numpy as np\nreturn {'P': np.float64(2.0) * v.v, 'Q': 1.0}")
+    scalar = define_block(tmp_path, "import numpy as np\nreturn {'P': np.float64(2.0) * v.v, 'Q': 1.0}")
     evaluate_symbolically(scalar())
 
 
 # ---- what is allowed gives the same bits -------------------------------------------------------
 
-WHOLE: dict[str, Callable[[Any], Any]] = {
+INTEGERS: dict[str, Callable[[Any], Any]] = {
     "minus a condition": lambda v: -(v.a > v.b),
     "a condition times -1": lambda v: (v.a > v.b) * -1,
     "-1 times a condition": lambda v: -1 * (v.a > v.b),
@@ -200,10 +200,10 @@ class Signs(Block):
 
     a = Input(0.0)
     b = Input(0.0)
-    y = Output(shape=len(WHOLE))
+    y = Output(shape=len(INTEGERS))
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        return {"y": [expression(v) for expression in WHOLE.values()]}
+        return {"y": [expression(v) for expression in INTEGERS.values()]}
 
 
 def test_signs_of_zero_agree_between_c_and_python(tmp_path: Path) -> None:
@@ -212,7 +212,7 @@ def test_signs_of_zero_agree_between_c_and_python(tmp_path: Path) -> None:
         for a, b in product((0.0, -0.0, 1.0, -1.0, 2.5), repeat=2):
             session.set(slave, a=a, b=b)
             instance["a"], instance["b"] = a, b
-            found = session.get(slave, *(f"y[{i + 1}]" for i in range(len(WHOLE))))
-            pairs = zip(WHOLE, found, instance["y"], strict=True)
+            actual = session.get(slave, *(f"y[{i + 1}]" for i in range(len(INTEGERS))))
+            pairs = zip(INTEGERS, actual, instance["y"], strict=True)
             wrong = [n for n, c, python in pairs if struct.pack("d", c) != struct.pack("d", python)]
             assert wrong == [], (a, b)

@@ -47,10 +47,10 @@ def test_a_refused_setup_sets_nothing(session: Session) -> None:
 def test_how_long_a_promise_holds(session: Session) -> None:
     """Going back does not end it, nor does a step without one; a discarded step promises nothing."""
     slave = session.instance()
-    early = slave.getFMUstate()
+    early_state = slave.getFMUstate()
 
     def go_back() -> int:
-        return slave.fmi2SetFMUstate(slave.component, early)
+        return slave.fmi2SetFMUstate(slave.component, early_state)
 
     slave.doStep(0.0, 0.25, False)
     assert go_back() == OK

@@ -43,8 +43,8 @@ def test_the_documents_follow_the_published_schemas(fmi3_toy_fmu: Path) -> None:
         "sources/buildDescription.xml": "BuildDescription",
         "terminalsAndIcons/terminalsAndIcons.xml": "TerminalsAndIcons",
     }.items():
-        place = files("fmpy").joinpath("schema", "fmi3", f"fmi3{schema}.xsd")
-        etree.XMLSchema(etree.parse(str(place))).assertValid(root_of(fmi3_toy_fmu, name))
+        schema_file = files("fmpy").joinpath("schema", "fmi3", f"fmi3{schema}.xsd")
+        etree.XMLSchema(etree.parse(str(schema_file))).assertValid(root_of(fmi3_toy_fmu, name))
 
 
 def test_arrays_are_arrays(fmi3_toy_fmu: Path) -> None:
@@ -162,8 +162,8 @@ def matrix(slave: Any) -> np.ndarray:
 def test_adjoint_derivatives_are_the_transposed_directional_ones(host: Host, running: bool) -> None:
     slave = host.started(running=running)
     for seed in (*np.eye(N_UNKNOWNS), [1.0, -2.0, 0.5, 3.0, 0.25, -1.0]):
-        found = slave.getAdjointDerivative(UNKNOWNS, KNOWNS, list(seed), nSensitivity=N_KNOWNS)
-        np.testing.assert_allclose(found, matrix(slave).T @ seed, rtol=1e-14, atol=1e-15)
+        actual = slave.getAdjointDerivative(UNKNOWNS, KNOWNS, list(seed), nSensitivity=N_KNOWNS)
+        np.testing.assert_allclose(actual, matrix(slave).T @ seed, rtol=1e-14, atol=1e-15)
     assert "computed" in host.refused(slave.setFloat64, [POWER], [1.0])
     assert "announced" in host.refused(slave.getAdjointDerivative, UNKNOWNS, KNOWNS, [1.0], N_KNOWNS)
     assert "to differentiate" in host.refused(slave.getAdjointDerivative, [TIME], [FORCE], [1.0], 1)
@@ -181,17 +181,17 @@ def dependencies_of(slave: Any, unknown: int) -> tuple[Sequence[int], ...]:
     """Return elements of the unknown, value references of the knowns, and elements of these."""
     n = c_size_t()
     slave.fmi3GetNumberOfVariableDependencies(slave.component, unknown, byref(n))
-    found = [(kind * n.value)() for kind in (c_size_t, c_uint32, c_size_t, c_int)]
-    slave.fmi3GetVariableDependencies(slave.component, unknown, *found, n.value)
-    return tuple(map(list, found[:3]))
+    actual = [(kind * n.value)() for kind in (c_size_t, c_uint32, c_size_t, c_int)]
+    slave.fmi3GetVariableDependencies(slave.component, unknown, *actual, n.value)
+    return tuple(map(list, actual[:3]))
 
 
 def test_dependencies_by_element_are_those_of_the_derivatives(host: Host, fmi3_toy_fmu: Path) -> None:
     slave = host.started()
-    found = set(zip(*dependencies_of(slave, RATES + 1), strict=True))
-    assert found == {(1, FORCE, 1), (1, X, 1), (1, V, 1), (2, V, 2), (2, TIME, 1)}
+    actual = set(zip(*dependencies_of(slave, RATES + 1), strict=True))
+    assert actual == {(1, FORCE, 1), (1, X, 1), (1, V, 1), (2, V, 2), (2, TIME, 1)}
     structure = {
-        int(u.get("valueReference")): {int(known) for known in u.get("dependencies").split()}
+        int(u.get("valueReference")): {int(reference) for reference in u.get("dependencies").split()}
         for u in root_of(fmi3_toy_fmu, "modelDescription.xml").find("ModelStructure")
         if u.tag != "InitialUnknown"
     }

@@ -62,10 +62,10 @@ def tick(slave: Any, force: float) -> list[float]:
     slave.enterEventMode()
     slave.setClock([CLOCK], [True])
     slave.setFloat64([FORCE], [force])
-    found = values(slave)
+    actual = values(slave)
     slave.updateDiscreteStates()
     slave.enterStepMode()
-    return found
+    return actual
 
 
 def test_model_description(paths: list[Path]) -> None:
@@ -100,18 +100,18 @@ def test_a_tick_is_a_step_of_the_interval(hosts: list[Host], parts: int, start_t
 
 def test_inputs_can_change_until_the_update(hosts: list[Host]) -> None:
     """Each read computes the tick anew, as a host needs to solve a loop; noise is drawn once."""
-    one, other = start(hosts[0]), start(hosts[0])
-    for slave in (one, other):
+    first, second = start(hosts[0]), start(hosts[0])
+    for slave in (first, second):
         slave.doStep(0.0, INTERVAL)
-    one.enterEventMode()
-    one.setClock([CLOCK], [True])
+    first.enterEventMode()
+    first.setClock([CLOCK], [True])
     for force in (100.0, -7.0, 3.0):
-        one.setFloat64([FORCE], [force])
-        seen = values(one)
-    one.updateDiscreteStates()
-    one.enterStepMode()
-    assert seen == tick(other, 3.0)
-    states = [s.serializeFMUState(s.getFMUState()) for s in (one, other)]
+        first.setFloat64([FORCE], [force])
+        actual_values = values(first)
+    first.updateDiscreteStates()
+    first.enterStepMode()
+    assert actual_values == tick(second, 3.0)
+    states = [s.serializeFMUState(s.getFMUState()) for s in (first, second)]
     assert states[0] == states[1]
 
 
@@ -122,18 +122,18 @@ def test_states_are_restored_also_within_a_tick(hosts: list[Host]) -> None:
     slave.setClock([CLOCK], [True])
     state = slave.getFMUState()
     content = slave.serializeFMUState(state)
-    seen = []
+    actual_values = []
     for restore in (lambda: None, lambda: slave.setFMUState(state), lambda: None):
         restore()
         slave.setFloat64([FORCE], [3.0])
-        seen.append(values(slave))
+        actual_values.append(values(slave))
     slave.updateDiscreteStates()
     slave.enterStepMode()
-    other = start(hosts[0])
-    other.setFMUState(other.deserializeFMUState(content))
-    other.setFloat64([FORCE], [3.0])
-    seen.append(values(other))
-    assert seen[1:] == seen[:-1]
+    second = start(hosts[0])
+    second.setFMUState(second.deserializeFMUState(content))
+    second.setFloat64([FORCE], [3.0])
+    actual_values.append(values(second))
+    assert actual_values[1:] == actual_values[:-1]
     slave.freeFMUState(state)
 
 
@@ -169,8 +169,8 @@ def test_calls_at_the_wrong_time_are_refused(hosts: list[Host]) -> None:
 
 
 def test_impossible_ticks_are_refused(hosts: list[Host], tmp_path: Path) -> None:
-    slave, other = start(hosts[0]), start(hosts[0])
-    for each in (slave, other):
+    slave, second = start(hosts[0]), start(hosts[0])
+    for each in (slave, second):
         each.doStep(0.0, INTERVAL)
     slave.enterEventMode()
     slave.setClock([CLOCK], [True])
@@ -178,7 +178,7 @@ def test_impossible_ticks_are_refused(hosts: list[Host], tmp_path: Path) -> None
     for call, *arguments in ((slave.updateDiscreteStates,), (slave.getFloat64, [POWER])):
         assert "the tick at t = 0.01 s is impossible" in hosts[0].refused(call, *arguments)
     slave.setFloat64([FORCE], [3.0])
-    assert values(slave) == tick(other, 3.0)
+    assert values(slave) == tick(second, 3.0)
     host = Host(build(Toy, tmp_path / "slow.fmu", fmi=3, clock=10.0), tmp_path / "slow")
     slow = host.new(eventModeUsed=True)
     slow.enterInitializationMode()
@@ -227,8 +227,8 @@ def test_clocks_of_ten_steps_are_step_multiples(algorithm: str, fmu_folder: Path
     assert [validate_fmu(str(fmu)) for fmu in clocked.values()] == [[], []]
     options = {"algorithm": algorithm, "step_size": 1e-4, "stop_time": 0.02, "output_interval": 1e-4}
     sampled = {"step_multiples": dict.fromkeys(names, 1)} if algorithm == "strong" else {}
-    plain, other = (
+    plain, second = (
         ec.load("lift", fmus=fmu_folder, **options, **given).prepare().run().to_polars()
         for given in ({"step_multiples": dict.fromkeys(names, 10)}, {"replace": clocked, **sampled})
     )
-    assert other.select(plain.columns).equals(plain)
+    assert second.select(plain.columns).equals(plain)

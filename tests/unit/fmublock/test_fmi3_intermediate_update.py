@@ -29,8 +29,8 @@ class Updates:
         self.can_return: list[bool] = []
         self.return_time: float | None = None
 
-    def __call__(self, environment: Any, time: float, *others: Any) -> None:
-        *flags, can_return, requested, return_time = others
+    def __call__(self, environment: Any, time: float, *arguments: Any) -> None:
+        *flags, can_return, requested, return_time = arguments
         self.flags.add(tuple(map(bool, flags)))
         self.can_return.append(bool(can_return))
         self.seen.append((time, self.slave.getFloat64(READ, nValues=5)))
@@ -39,11 +39,11 @@ class Updates:
             requested[0], return_time[0] = True, self.return_time
 
 
-def start(host: Host, updates: Updates | None = None, required: Any = READ, early: bool = True) -> Any:
+def start(host: Host, updates: Updates | None = None, required: Any = READ, is_early: bool = True) -> Any:
     options: dict[str, Any] = {}
     if updates is not None:
         options = {"intermediateUpdate": updates, "requiredIntermediateVariables": required}
-    slave = host.new(**options, earlyReturnAllowed=early)
+    slave = host.new(**options, earlyReturnAllowed=is_early)
     if updates is not None:
         updates.slave = slave
     slave.setFloat64([INTERNAL_STEP], [INTERNAL])
@@ -54,8 +54,8 @@ def start(host: Host, updates: Updates | None = None, required: Any = READ, earl
 
 def test_model_description(fmi3_toy_fmu: Path) -> None:
     root = root_of(fmi3_toy_fmu, "modelDescription.xml")
-    named = root.xpath("ModelVariables/*[@intermediateUpdate='true']/@name")
-    assert named == ["x", "v", "power", "inverse"]
+    names = root.xpath("ModelVariables/*[@intermediateUpdate='true']/@name")
+    assert names == ["x", "v", "power", "inverse"]
     (element,) = root.xpath("CoSimulation")
     assert element.get("providesIntermediateUpdate") == "true"
     assert element.get("canReturnEarlyAfterIntermediateUpdate") == "true"
@@ -72,16 +72,16 @@ def test_values_after_each_internal_step(host: Host) -> None:
         for each in (slave, fine):
             each.setFloat64([FORCE], [force[n]])
         assert slave.doStep(n * STEP, STEP) == (False, False, False, (n + 1) * STEP)
-        seen = updates.seen[seen_before:]
-        assert [time for time, _ in seen] == [n * STEP + k * INTERNAL for k in range(1, 5)]
-        for time, values in seen:
+        received = updates.seen[seen_before:]
+        assert [time for time, _ in received] == [n * STEP + k * INTERNAL for k in range(1, 5)]
+        for time, values in received:
             fine.doStep(time - INTERNAL, INTERNAL)
             assert values[:3] == fine.getFloat64(READ, nValues=5)[:3]
             assert values[4] == 1.0 / (1.0 - values[0])
-        for _, values in seen[:-1]:  # the noise changes at communication points
+        for _, values in received[:-1]:  # the noise changes at communication points
             assert values[3] - force[n] * values[1] == pytest.approx(random, abs=1e-12)
         after = slave.getFloat64(READ, nValues=5)
-        assert seen[-1][1] == after
+        assert received[-1][1] == after
         random, before = after[3] - force[n] * after[1], random
         assert random != before
         seen_before = len(updates.seen)
@@ -100,28 +100,30 @@ def test_a_callback_changes_no_bit(host: Host) -> None:
     assert bits[0] == bits[1]
 
 
-@pytest.mark.parametrize(("asked", "reached"), [(0.0, 1), (INTERNAL, 1), (2.7 * INTERNAL, 2), (STEP, 4)])
-def test_a_step_that_the_host_ends(host: Host, asked: float, reached: int) -> None:
+@pytest.mark.parametrize(
+    ("return_time", "reached"), [(0.0, 1), (INTERNAL, 1), (2.7 * INTERNAL, 2), (STEP, 4)]
+)
+def test_a_step_that_the_host_ends(host: Host, return_time: float, reached: int) -> None:
     """The step ends at the last internal step that is not after the time that the host asks for."""
     updates = Updates()
-    slave, other = start(host, updates), start(host)
-    updates.return_time = asked
+    slave, second = start(host, updates), start(host)
+    updates.return_time = return_time
     time = reached * INTERNAL
     assert slave.doStep(0.0, STEP) == (False, False, reached < 4, time)
     assert len(updates.seen) == reached
-    other.doStep(0.0, time)
-    assert slave.getFloat64(READ, nValues=5) == other.getFloat64(READ, nValues=5)
+    second.doStep(0.0, time)
+    assert slave.getFloat64(READ, nValues=5) == second.getFloat64(READ, nValues=5)
     updates.return_time = None
-    for each in (slave, other):  # another step of the same length, and the rest of a step
+    for each in (slave, second):  # another step of the same length, and the rest of a step
         each.setFloat64([FORCE], [7.0])
         assert each.doStep(time, STEP) == (False, False, False, time + STEP)
         assert each.doStep(time + STEP, INTERNAL)[3] == time + STEP + INTERNAL
-    assert slave.getFloat64(READ, nValues=5) == other.getFloat64(READ, nValues=5)
+    assert slave.getFloat64(READ, nValues=5) == second.getFloat64(READ, nValues=5)
 
 
 def test_early_return_that_is_not_allowed(host: Host) -> None:
     updates = Updates()
-    slave = start(host, updates, early=False)
+    slave = start(host, updates, is_early=False)
     updates.return_time = 0.0
     assert slave.doStep(0.0, STEP) == (False, False, False, STEP)
     assert updates.can_return == [False] * 4
@@ -129,17 +131,17 @@ def test_early_return_that_is_not_allowed(host: Host) -> None:
 
 def test_derivatives_of_outputs_at_internal_steps(host: Host) -> None:
     """They are those after a step to that time, with the inputs of the step."""
-    found: list[list[float]] = []
-    slave = start(host, Updates(lambda slave, time: found.append(output_derivatives(slave))))
+    actual: list[list[float]] = []
+    slave = start(host, Updates(lambda slave, time: actual.append(output_derivatives(slave))))
     fine = start(host)
     for each in (slave, fine):
         each.setFloat64([FORCE], [3.0])
     slave.doStep(0.0, STEP)
     for k in range(4):
         fine.doStep(k * INTERNAL, INTERNAL)
-        assert found[k] == output_derivatives(fine)
+        assert actual[k] == output_derivatives(fine)
     force = 3.0 - 3.0 * 0.126 - 0.05  # of the input, the spring and the damper
-    assert found[0][1] == pytest.approx(force / 2.0, abs=1e-3)
+    assert actual[0][1] == pytest.approx(force / 2.0, abs=1e-3)
 
 
 def output_derivatives(slave: Any) -> list[float]:
@@ -164,11 +166,11 @@ def output_derivatives(slave: Any) -> list[float]:
 def test_other_calls_in_the_callback_are_refused(host: Host, call: Callable[[Any], Any], words: str) -> None:
     answers: list[str] = []
     slave = start(host, Updates(lambda slave, time: answers.append(host.refused(call, slave))))
-    other = start(host)
-    for each in (slave, other):
+    second = start(host)
+    for each in (slave, second):
         each.doStep(0.0, STEP)
     assert len(answers) == 4 and all(words in answer for answer in answers)
-    assert slave.getFloat64(READ, nValues=5) == other.getFloat64(READ, nValues=5)
+    assert slave.getFloat64(READ, nValues=5) == second.getFloat64(READ, nValues=5)
 
 
 @pytest.mark.parametrize("name", ["force", "body.mass", "step_count"])

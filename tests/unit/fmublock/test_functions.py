@@ -55,8 +55,8 @@ def test_binary_functions_on_floats_agree_with_symbols(name: str, x: float, y: f
 def test_functions_agree_at_zeros_infinities_and_nan(name: str) -> None:
     arity = 1 if name in UNARY else 2
     for arguments in product(SPECIAL, repeat=arity):
-        found, expected = getattr(fmublock, name)(*arguments), float(SYMBOLIC[name](*arguments))
-        assert _same(name, found, expected), arguments
+        actual, expected = getattr(fmublock, name)(*arguments), float(SYMBOLIC[name](*arguments))
+        assert _same(name, actual, expected), arguments
 
 
 @pytest.mark.parametrize(
@@ -75,8 +75,8 @@ def test_dot_adds_from_the_first_element_on(pairs: list[tuple[float, float]]) ->
     expected = pairs[0][0] * pairs[0][1]
     for x, y in pairs[1:]:
         expected += x * y
-    found = fmublock.dot([x for x, _ in pairs], [y for _, y in pairs])
-    assert _same("dot", found, expected)
+    actual = fmublock.dot([x for x, _ in pairs], [y for _, y in pairs])
+    assert _same("dot", actual, expected)
 
 
 def test_matvec_refuses_a_short_vector() -> None:

@@ -45,8 +45,8 @@ def solution(force: Polynomial, end: float, cubic: bool) -> np.ndarray:
         spring = GAINS[1] * x**3 if cubic else GAINS[0] * x
         return [v, (force(t) - spring - 0.1 * v) / MASS, math.cos(t) - w / 3.0]
 
-    found = solve_ivp(rates, (0.0, end), [X_0, *V_0], method="DOP853", rtol=1e-13, atol=1e-14)
-    return found.y[:, -1]
+    actual = solve_ivp(rates, (0.0, end), [X_0, *V_0], method="DOP853", rtol=1e-13, atol=1e-14)
+    return actual.y[:, -1]
 
 
 @pytest.mark.parametrize(("order", "shape"), [(1, Shape.LINEAR), (2, Shape.CUBIC), (3, Shape.CUBIC)])
@@ -55,8 +55,8 @@ def test_a_polynomial_force_gives_the_solution_with_that_force(
 ) -> None:
     """Over steps of uneven length; the force follows its derivatives from step to step."""
     times = [0.0, 0.1, 0.35, 0.4, 0.7, 1.0]
-    found = run(session, FORCES[order], times, shape=shape, **{"solver.internal_step": 1e-3})
-    assert found == pytest.approx(solution(FORCES[order], 1.0, shape == Shape.CUBIC), rel=1e-11)
+    actual = run(session, FORCES[order], times, shape=shape, **{"solver.internal_step": 1e-3})
+    assert actual == pytest.approx(solution(FORCES[order], 1.0, shape == Shape.CUBIC), rel=1e-11)
 
 
 def test_an_input_keeps_its_last_value_after_a_step(session: Session) -> None:
@@ -67,10 +67,10 @@ def test_an_input_keeps_its_last_value_after_a_step(session: Session) -> None:
     slave.doStep(0.0, 0.25)
     force, x, *v = session.get(slave, "force", *STATES)
     assert force == pytest.approx(float(FORCES[3](0.25)), rel=1e-15)
-    held = session.instance("held", time=0.25, force=force, x_0=x, **{"v[1]": v[0], "v[2]": v[1]})
-    for each in (slave, held):
+    held_inputs = session.instance("held", time=0.25, force=force, x_0=x, **{"v[1]": v[0], "v[2]": v[1]})
+    for each in (slave, held_inputs):
         each.doStep(0.25, 0.25)
-    assert session.get(slave, "force", *STATES) == session.get(held, "force", *STATES)
+    assert session.get(slave, "force", *STATES) == session.get(held_inputs, "force", *STATES)
 
 
 def test_outputs_see_the_input_at_the_end_of_the_step(session: Session) -> None:
@@ -112,22 +112,22 @@ def test_a_derivative_of_zero_changes_no_bit(session: Session) -> None:
 def test_a_discarded_step_leaves_inputs_and_derivatives_for_a_shorter_one(session: Session) -> None:
     """A force that grows by 1e154 N/s has a power beyond the numbers after 10 s, but not after 0.1 s."""
     names = ("force", *STATES, "power", "random")
-    tried, straight = session.instance("tried"), session.instance("straight")
-    for slave in (tried, straight):
+    rolled_back, straight = session.instance("tried"), session.instance("straight")
+    for slave in (rolled_back, straight):
         slave.doStep(0.0, 0.5)
         slave.setRealInputDerivatives(session.references(["force"]) * 2, [1, 3], [math.nan, 1e153])
-        before = session.get(tried, *names)
+        before = session.get(rolled_back, *names)
         with refused(DISCARD):
             slave.doStep(0.5, 0.1)
         slave.setRealInputDerivatives(session.references(["force"]), [1], [1e154])
     for _ in range(2):
         with refused(DISCARD):
-            tried.doStep(0.5, 10.0)
-        assert session.get(tried, *names) == before
-    for slave in (tried, straight):
+            rolled_back.doStep(0.5, 10.0)
+        assert session.get(rolled_back, *names) == before
+    for slave in (rolled_back, straight):
         slave.doStep(0.5, 0.1)
-    assert session.get(tried, *names) == session.get(straight, *names)
-    assert session.get(tried, "force")[0] > 1e152
+    assert session.get(rolled_back, *names) == session.get(straight, *names)
+    assert session.get(rolled_back, "force")[0] > 1e152
 
 
 @pytest.mark.parametrize(

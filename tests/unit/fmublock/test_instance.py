@@ -157,8 +157,8 @@ def test_a_matrix_gives_the_same_numbers_in_every_flavour(tmp_path: Path) -> Non
         path = build(Arm, tmp_path / flavour / "Arm.fmu", flavour=flavour)
         assert validate_fmu(str(path)) == []
         with opened(path, tmp_path / f"{flavour}-unpacked") as session:
-            found = session.get(session.instance("arm", **values), *names)
-        assert found == expected, flavour
+            actual = session.get(session.instance("arm", **values), *names)
+        assert actual == expected, flavour
 
 
 @pytest.mark.parametrize(

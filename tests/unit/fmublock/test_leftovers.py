@@ -35,21 +35,21 @@ def dead() -> str:
 
 
 def test_folders_of_ended_processes_are_removed(temporary: Path, dead: str) -> None:
-    mine = make_temporary_folder("run")
-    theirs = temporary / f"emla-run-{dead}-abcdefgh"
-    theirs.mkdir(mode=0o700)
-    (theirs / "inside").mkdir()
-    (theirs / "inside" / "a").write_text("left")
+    own_folder = make_temporary_folder("run")
+    abandoned = temporary / f"emla-run-{dead}-abcdefgh"
+    abandoned.mkdir(mode=0o700)
+    (abandoned / "inside").mkdir()
+    (abandoned / "inside" / "a").write_text("left")
     remove_leftovers()
-    assert list(temporary.iterdir()) == [mine]
+    assert list(temporary.iterdir()) == [own_folder]
 
 
 def test_processes_with_one_id_differ_in_their_start(temporary: Path) -> None:
-    process, start, place = mark_of_process().split("-")
+    process, start, host = mark_of_process().split("-")
     assert int(start) == round(
         (psutil.Process().create_time() - psutil.boot_time()) * os.sysconf("SC_CLK_TCK")
     )
-    earlier = temporary / f"emla-run-{process}-{int(start) - 1}-{place}-abcdefgh"
+    earlier = temporary / f"emla-run-{process}-{int(start) - 1}-{host}-abcdefgh"
     earlier.mkdir(mode=0o700)
     remove_leftovers()
     assert not earlier.exists()
@@ -72,11 +72,11 @@ def test_files_of_other_owners_stay(temporary: Path, dead: str, monkeypatch: pyt
     before = set(temporary.iterdir())
     remove_leftovers()
     assert set(temporary.iterdir()) == before
-    left = temporary / f"emla-run-{dead}-abcdefgm"
-    left.mkdir(mode=0o700)
+    leftover = temporary / f"emla-run-{dead}-abcdefgm"
+    leftover.mkdir(mode=0o700)
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)  # as if another user looked at it
     remove_leftovers()
-    assert left.exists()
+    assert leftover.exists()
 
 
 def test_links_in_a_folder_are_removed_and_not_followed(
@@ -85,7 +85,7 @@ def test_links_in_a_folder_are_removed_and_not_followed(
     outside = tmp_path / "outside"
     outside.mkdir()
     (outside / "thesis").write_text("years of work")
-    for rmtree in (leftovers.shutil.rmtree, lambda *given, **how: None):  # as with too few open files
+    for rmtree in (leftovers.shutil.rmtree, lambda *arguments, **how: None):  # as with too few open files
         monkeypatch.setattr(leftovers.shutil, "rmtree", rmtree)
         folder = tmp_path / "folder"
         (folder / "a/b").mkdir(parents=True)
@@ -97,10 +97,10 @@ def test_links_in_a_folder_are_removed_and_not_followed(
 
 
 def test_incomplete_files_of_ended_processes_are_removed(tmp_path: Path, dead: str) -> None:
-    left = tmp_path / f"{UNFINISHED}{dead}-abcdefgh"
+    leftover = tmp_path / f"{UNFINISHED}{dead}-abcdefgh"
     living = tmp_path / f"{UNFINISHED}{mark_of_process()}-abcdefgh"
     foreign = tmp_path / f"{UNFINISHED}thesis"
-    for path in (left, living, foreign):
+    for path in (leftover, living, foreign):
         path.write_text("half")
     with write_atomically(tmp_path / "new") as stream:
         stream.write(b"whole")

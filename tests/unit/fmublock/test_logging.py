@@ -12,16 +12,16 @@ DISCARDED, WRONG = "logStatusDiscard", "logStatusError"
 STATUSES = {EVENT: OK, WARN: WARNING, DISCARDED: DISCARD, WRONG: ERROR}
 
 
-def heard(session: Session, slave: Any) -> list[str]:
+def read_messages(session: Session, slave: Any) -> list[str]:
     """Categories of the messages when one thing of every kind happens; the instance goes on."""
     session.log.all.clear()
     slave.reset()
     session.initialize(slave)  # an event
-    early = slave.getFMUstate()
+    early_state = slave.getFMUstate()
     slave.doStep(0.0, 0.5)
     slave.doStep(0.5, 0.5)
-    slave.setFMUstate(early)  # a warning
-    slave.freeFMUstate(early)
+    slave.setFMUstate(early_state)  # a warning
+    slave.freeFMUstate(early_state)
     session.set(slave, force=float("nan"))
     with refused(DISCARD):
         slave.doStep(0.0, 0.5)
@@ -57,7 +57,7 @@ def test_categories_that_are_on_are_logged(
     slave = session.new(logging=logging)
     for is_on, categories in calls:
         slave.setDebugLogging(is_on, categories)
-    assert heard(session, slave) == (ALL if expected == ["logAll"] else expected)
+    assert read_messages(session, slave) == (ALL if expected == ["logAll"] else expected)
     assert [c.name for c in session.description.logCategories] == list(LOG_CATEGORIES)
 
 
@@ -70,18 +70,18 @@ def test_an_unknown_category_is_refused_and_nothing_is_changed(session: Session,
         with refused():
             slave.setDebugLogging(on, [DISCARDED, name])
         assert session.log.all == [Line("toy", ERROR, WRONG, f"toy: there is no log category {name[:100]}.")]
-    assert heard(session, slave) == [WARN, WRONG]
+    assert read_messages(session, slave) == [WARN, WRONG]
 
 
 @pytest.mark.parametrize("has_callbacks", [True, False])
 def test_an_instance_without_a_logger_is_silent(session: Session, has_callbacks: bool) -> None:
     session.log.callbacks.logger = type(session.log.callbacks.logger)()
-    other, callbacks = session.new(), session.log.callbacks if has_callbacks else None
+    second, callbacks = session.new(), session.log.callbacks if has_callbacks else None
     guid = session.description.guid.encode()
-    component = other.fmi2Instantiate(b"bare", 1, guid, b"file:///", callbacks, False, True)
+    component = second.fmi2Instantiate(b"bare", 1, guid, b"file:///", callbacks, False, True)
     with refused():
-        other.fmi2DoStep(component, 0.0, 0.5, True)
-    other.fmi2FreeInstance(component)
+        second.fmi2DoStep(component, 0.0, 0.5, True)
+    second.fmi2FreeInstance(component)
     assert session.log.all == []
 
 
@@ -104,8 +104,8 @@ def test_no_message_contains_a_percent_sign(session: Session) -> None:
     ]
 
 
-@pytest.mark.parametrize(("name", "shown"), [("ä" * 200, "ä" * 200), ("a" + "ä" * 10_000, "Toy")])
-def test_names_are_not_cut_within_a_character(session: Session, name: str, shown: str) -> None:
+@pytest.mark.parametrize(("name", "logged_name"), [("ä" * 200, "ä" * 200), ("a" + "ä" * 10_000, "Toy")])
+def test_names_are_not_cut_within_a_character(session: Session, name: str, logged_name: str) -> None:
     """No character of several bytes is cut."""
     session.instance(name)
-    assert session.log.all == [Line(name, OK, EVENT, f"{shown}: initialized at t = 0 s.")]
+    assert session.log.all == [Line(name, OK, EVENT, f"{logged_name}: initialized at t = 0 s.")]

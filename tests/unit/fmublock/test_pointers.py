@@ -38,11 +38,11 @@ def instantiate(session: Session, name: bytes | None) -> int | None:
     )
 
 
-@pytest.mark.parametrize(("name", "said"), [(None, "NULL"), (b"", "empty")])
-def test_an_instance_needs_a_name(session: Session, name: bytes | None, said: str) -> None:
+@pytest.mark.parametrize(("name", "message"), [(None, "NULL"), (b"", "empty")])
+def test_an_instance_needs_a_name(session: Session, name: bytes | None, message: str) -> None:
     assert instantiate(session, name) is None
     assert session.log.all == [
-        ("Toy", ERROR, "logStatusError", f"Toy: an instance needs a name; this one is {said}.")
+        ("Toy", ERROR, "logStatusError", f"Toy: an instance needs a name; this one is {message}.")
     ]
 
 

@@ -74,31 +74,31 @@ def session(fragile_fmu: Path, tmp_path: Path) -> Iterator[Session]:
         yield session
 
 
-@pytest.mark.parametrize(("mistake", "place"), [(1, 1), (2, 2), (3, 3), (4, 1)])
+@pytest.mark.parametrize(("mistake", "position"), [(1, 1), (2, 2), (3, 3), (4, 1)])
 def test_a_step_whose_equations_raise_is_discarded_and_undone(
-    session: Session, mistake: int, place: int
+    session: Session, mistake: int, position: int
 ) -> None:
     """The log names the exception; shorter steps from there give the bits of an instance that did not try."""
-    values = {"mistake": mistake, "place": place}
-    tried, straight = session.instance("tried", **values), session.instance("straight", **values)
-    saved = tried.getFMUstate()
-    for slave in (tried, straight):
+    values = {"mistake": mistake, "place": position}
+    rolled_back, straight = session.instance("tried", **values), session.instance("straight", **values)
+    saved = rolled_back.getFMUstate()
+    for slave in (rolled_back, straight):
         slave.doStep(0.0, 0.25)
         session.set(slave, u=3.0)
-    before = session.get(tried, *NAMES)
+    before = session.get(rolled_back, *NAMES)
     for step in (0.5, 0.25 + 1e-9, 1.0):
         with refused(DISCARD):
-            tried.doStep(0.25, step)
-        assert session.get(tried, *NAMES) == before
+            rolled_back.doStep(0.25, step)
+        assert session.get(rolled_back, *NAMES) == before
     assert session.log.lines("tried") == [f"tried: step at t = 0.25 s: {CAUSES[mistake]}"] * 3
-    for slave in (tried, straight):
+    for slave in (rolled_back, straight):
         slave.doStep(0.25, 0.125)
         slave.doStep(0.375, 0.125)
-    assert session.get(tried, *NAMES) == session.get(straight, *NAMES)
-    assert session.get(tried, "count") == [3.0]
-    tried.setFMUstate(saved)
-    tried.freeFMUstate(saved)
-    assert session.get(tried, "count", "x") == [0.0, 1.0]
+    assert session.get(rolled_back, *NAMES) == session.get(straight, *NAMES)
+    assert session.get(rolled_back, "count") == [3.0]
+    rolled_back.setFMUstate(saved)
+    rolled_back.freeFMUstate(saved)
+    assert session.get(rolled_back, "count", "x") == [0.0, 1.0]
 
 
 def test_outputs_that_raise_in_initialization_are_logged(session: Session) -> None:

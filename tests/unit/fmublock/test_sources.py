@@ -67,7 +67,7 @@ def test_imports_are_found_wherever_they_may_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("statement", "moved"),
+    ("statement", "rewritten"),
     [
         ("import helper", "from P import helper"),
         ("import helper as h", "from P import helper as h"),
@@ -83,14 +83,14 @@ def test_imports_are_found_wherever_they_may_run(tmp_path: Path) -> None:
         ('"""Text\nfrom helper import a\n"""', '"""Text\nfrom helper import a\n"""'),
     ],
 )
-def test_every_way_to_import_is_moved(statement: str, moved: str) -> None:
+def test_every_way_to_import_is_moved(statement: str, rewritten: str) -> None:
     sources = {
         "mine.py": f"{statement}\nx = 1\n",
         "helper.py": "",
         "parts/__init__.py": "",
         "parts/gear.py": "",
     }
-    assert move_into_package(sources, "P")["P/mine.py"] == f"{moved}\nx = 1\n"
+    assert move_into_package(sources, "P")["P/mine.py"] == f"{rewritten}\nx = 1\n"
 
 
 def test_the_fmu_runs_without_any_package_installed(tmp_path: Path) -> None:

@@ -36,8 +36,8 @@ class Run:
         self.everything = [v.valueReference for v in session.variables.values() if v.type == "Real"]
 
     def values(self) -> bytes:
-        found = self.slave.getReal(self.everything)
-        return struct.pack(f"{len(found)}d", *found)
+        actual = self.slave.getReal(self.everything)
+        return struct.pack(f"{len(actual)}d", *actual)
 
     def set(self, step: Step) -> None:
         if step.inputs is not None:
@@ -46,14 +46,14 @@ class Run:
             self.slave.setRealInputDerivatives(self.inputs, [1] * len(self.inputs), step.slopes)
 
     def go_on(self, steps: Sequence[Step]) -> list[tuple[int, bytes]]:
-        found = []
+        actual = []
         for step in steps:
             self.set(step)
             result = status(self.slave.doStep, self.time, step.size, False)
             if result == OK:
                 self.time += step.size
-            found.append((result, self.values()))
-        return found
+            actual.append((result, self.values()))
+        return actual
 
 
 TWO_STEPS = [Step(1e-3), Step(2e-3)]
@@ -200,10 +200,10 @@ def test_damaged_and_foreign_states_are_refused_and_the_run_goes_on(
     neighbour = OWN[(OWN.index(model) + 1) % len(OWN)]
     other_flavour = FLAVOURS[1 - FLAVOURS.index(flavour)]
     bad = [damaged(data.draw, serialized(target)), b""]
-    for other in ((neighbour, flavour), (model, other_flavour), (neighbour, other_flavour)):
-        stranger = start(sessions[other], "stranger")
+    for foreign in ((neighbour, flavour), (model, other_flavour), (neighbour, other_flavour)):
+        stranger = start(sessions[foreign], "stranger")
         bad.append(serialized(stranger))
-        free(sessions[other], stranger)
+        free(sessions[foreign], stranger)
     for state in bad:
         refusal(session, target, state, flavour)
     assert runs[0].values() == runs[1].values()
@@ -223,8 +223,8 @@ def test_the_python_flavour_refuses_a_state_of_other_equations(sessions: Session
         return b"%08x" % zlib.crc32(text) + text
 
     restore(target, with_content(state["content"]))
-    other = with_content(f"{int(state['content'], 16) ^ 1:0{len(state['content'])}x}")
-    assert "this is not a state of RsbaController." in refusal(session, target, other, "python")
+    foreign = with_content(f"{int(state['content'], 16) ^ 1:0{len(state['content'])}x}")
+    assert "this is not a state of RsbaController." in refusal(session, target, foreign, "python")
     assert status(target.doStep, 3e-3, 1e-3) == OK
     free(session, target)
 

@@ -133,20 +133,20 @@ def at_rest(make: Make, **values: Any) -> Unit:
 
 def test_a_run_continues_after_a_sliver_as_if_there_had_been_none(make: Make) -> None:
     """What is set before it acts in the next step; a restored state knows the length of the last step."""
-    unit, other = at_rest(make), at_rest(make)
+    unit, second = at_rest(make), at_rest(make)
     restored = start(make("restored"))
     restored.restore(unit.save())
-    for each in (unit, other, restored):
+    for each in (unit, second, restored):
         each.set(force=3.0)
     before = unit.get(*NAMES)
     for each in (unit, restored):
         assert each.step(0.03 - 2e-15, 1.7e-15)
         assert each.get(*NAMES) == before
-    for each in (unit, other, restored):
+    for each in (unit, second, restored):
         assert each.step(0.03, STEP)
     for each in (unit, restored):
-        same(each, other)
-    assert other.get(*NAMES) != before
+        same(each, second)
+    assert second.get(*NAMES) != before
 
 
 def test_slivers_add_up_to_nothing(make: Make) -> None:
@@ -162,11 +162,11 @@ def test_slivers_add_up_to_nothing(make: Make) -> None:
 
 def test_short_and_first_steps_are_not_slivers(make: Make, units: Units) -> None:
     for part in (1e-5, 1e-3, 0.1):
-        unit, other = at_rest(make), at_rest(lambda: units.make(Toy, "block"))
-        for each in (unit, other):
+        unit, second = at_rest(make), at_rest(lambda: units.make(Toy, "block"))
+        for each in (unit, second):
             assert each.step(0.03, part * STEP)
         assert unit.get("step_count") == [301.0]
-        same(unit, other)
+        same(unit, second)
     assert go_on(start(make(), time=1.0), [(1.0, 1e-18)]).get("step_count") == [1.0]
     # at t = 0 a part in a million of the last step, 1 s, is the double 1e-6
     unit = go_on(start(make(), time=-1.0, **COARSE), [(-1.0, 1.0), (0.0, 1e-6)])
@@ -188,14 +188,14 @@ def test_a_step_that_starts_elsewhere_is_refused(make: Make) -> None:
 
 
 @pytest.mark.parametrize(
-    ("time", "shown"), [(0.5, "0.5"), (0.123456789, "0.123456789"), (0.25 + 1e-13, "0.2500000000001")]
+    ("time", "digits"), [(0.5, "0.5"), (0.123456789, "0.123456789"), (0.25 + 1e-13, "0.2500000000001")]
 )
-def test_the_message_shows_where_two_times_differ(make: Make, time: float, shown: str) -> None:
+def test_the_message_shows_where_two_times_differ(make: Make, time: float, digits: str) -> None:
     """The steps before are so short that these are no rounding."""
     points = [0.0, 0.25 - 1e-5, 0.25 - 1e-9, 0.25]
     unit = go_on(start(make()), [(a, b - a) for a, b in pairwise(points)])
     assert not unit.step(time, 1e-12)
-    assert unit.messages == [f"toy: the step starts at t = {shown} s, but the instance is at t = 0.25 s."]
+    assert unit.messages == [f"toy: the step starts at t = {digits} s, but the instance is at t = 0.25 s."]
 
 
 def test_times_may_be_rounded_to_their_last_place_far_from_zero(make: Make) -> None:
@@ -205,9 +205,9 @@ def test_times_may_be_rounded_to_their_last_place_far_from_zero(make: Make) -> N
         assert unit.step(time, STEP)
         time = math.nextafter(time + STEP, math.inf)
     assert unit.get("step_count") == [100.0]
-    for places, is_done in ((-4, True), (4, True), (5, False)):
+    for roundings, is_done in ((-4, True), (4, True), (5, False)):
         unit = start(make(), time=2.0**30)
-        assert unit.step(2.0**30 + places * math.ulp(2.0**30), STEP) == is_done
+        assert unit.step(2.0**30 + roundings * math.ulp(2.0**30), STEP) == is_done
 
 
 @pytest.mark.parametrize(
@@ -230,9 +230,9 @@ def test_impossible_step_sizes_are_refused_at_once(make: Make, step: float, word
 
 
 def test_a_step_past_the_stop_time_is_refused(make: Make) -> None:
-    unit, other = start(make(), stop=1.0, **COARSE), start(make("other"))
-    other.restore(unit.save())  # which contains the stop time
-    for each in (unit, other):
+    unit, second = start(make(), stop=1.0, **COARSE), start(make("other"))
+    second.restore(unit.save())  # which contains the stop time
+    for each in (unit, second):
         assert each.step(0.0, 0.75)
         before = each.get(*NAMES)
         assert not each.step(0.75, 0.5)
@@ -292,35 +292,35 @@ TRIES: dict[str, Steps] = {
 @pytest.mark.parametrize("tries", TRIES)
 def test_a_run_continues_as_if_discarded_steps_had_not_been_tried(make: Make, tries: str) -> None:
     """The own time of an FMU is compared through the saved state, which contains it to the bit."""
-    tried, straight = (go_on(start(make()), SUMS[:AT]) for _ in range(2))
-    tried.set(force=math.nan)
+    rolled_back, straight = (go_on(start(make()), SUMS[:AT]) for _ in range(2))
+    rolled_back.set(force=math.nan)
     for time, step in TRIES[tries]:
-        assert not tried.step(time, step)
-        assert "discarded: x became" in tried.messages[-1]
-    tried.set(force=0.5)
-    assert tried.save() == straight.save()
+        assert not rolled_back.step(time, step)
+        assert "discarded: x became" in rolled_back.messages[-1]
+    rolled_back.set(force=0.5)
+    assert rolled_back.save() == straight.save()
     for steps in (SUMS[AT : AT + 1], SUMS[AT + 1 :]):
-        for unit in (tried, straight):
+        for unit in (rolled_back, straight):
             go_on(unit, steps)
-        assert tried.save() == straight.save()
-        same(tried, straight)
+        assert rolled_back.save() == straight.save()
+        same(rolled_back, straight)
 
 
 def test_states_continue_in_other_instances_which_share_nothing(make: Make) -> None:
     """Also back in the first one, as error control repeats a step: a half, and then the whole."""
-    unit, other = go_on(start(make("a")), SUMS[:AT]), start(make("b"), x_0=0.9)
-    alone = go_on(start(make("c")), SUMS[: AT + 1])
+    unit, second = go_on(start(make("a")), SUMS[:AT]), start(make("b"), x_0=0.9)
+    undisturbed = go_on(start(make("c")), SUMS[: AT + 1])
     state = unit.save()
-    assert other.step(0.0, STEP) and other.get("x") != unit.get("x")
-    for each in (unit, other, unit):
+    assert second.step(0.0, STEP) and second.get("x") != unit.get("x")
+    for each in (unit, second, unit):
         each.restore(state)
         assert each.step(NOW, 0.5 * STEP)
         each.restore(state)
         assert each.step(*SUMS[AT])
-        same(each, alone)
-    for each in (alone, unit, other):
+        same(each, undisturbed)
+    for each in (undisturbed, unit, second):
         go_on(each, SUMS[AT + 1 :])
-        same(each, alone)
+        same(each, undisturbed)
 
 
 def test_outputs_follow_start_values_and_stay_between_steps(make: Make) -> None:

@@ -28,19 +28,19 @@ NEWTON = SiUnit("kN", (1, 1, -2, 0, 0, 0, 0, 0), 1e3)
 def a_table(times: Array, values: Array, end: str = "hold") -> TableContent:
     """One column in every way of interpolation, and the derivatives of the cubic one."""
     columns = [TableColumn(values, kind) for kind in ("held", "linear", "cubic")]
-    shown = [
+    table_outputs = [
         TableOutput("held", 0),
         TableOutput("linear", 1),
         TableOutput("cubic", 2),
         TableOutput("rate", 2, 1),
         TableOutput("bend", 2, 2),
     ]
-    return TableContent(times, columns, shown, end)
+    return TableContent(times, columns, table_outputs, end)
 
 
-def two_rows(shown: list[TableOutput]) -> TableContent:
+def two_rows(columns: list[TableOutput]) -> TableContent:
     """A line from 1 to 3 within 1 s."""
-    return TableContent(np.array([0.0, 1.0]), [TableColumn(np.array([1.0, 3.0]))], shown)
+    return TableContent(np.array([0.0, 1.0]), [TableColumn(np.array([1.0, 3.0]))], columns)
 
 
 def outputs(table: TableContent, folder: Path, start: float, step: float, count: int) -> dict[str, Array]:
@@ -70,20 +70,20 @@ def test_values_between_rows_are_those_of_numpy_and_scipy(
     values = np.array(data.draw(st.lists(numbers, min_size=len(times), max_size=len(times))))
     step = data.draw(st.sampled_from([0.01, 0.013, 0.25, 1.0]))
     count = int((max(times[-1], 0.0) + 1.0) / step) + 1  # the data may be over before the start
-    found = outputs(a_table(times, values), tmp_path_factory.mktemp("table"), 0.0, step, count)
+    actual = outputs(a_table(times, values), tmp_path_factory.mktemp("table"), 0.0, step, count)
     points = step * np.arange(count + 1)
     inside = np.clip(points, times[0], times[-1])
-    np.testing.assert_allclose(found["linear"], np.interp(points, times, values), rtol=1e-12, atol=1e-10)
-    held = values[np.clip(np.searchsorted(times, points + 1e-12, side="right") - 1, 0, None)]
-    np.testing.assert_array_equal(found["held"], held)
+    np.testing.assert_allclose(actual["linear"], np.interp(points, times, values), rtol=1e-12, atol=1e-10)
+    held_values = values[np.clip(np.searchsorted(times, points + 1e-12, side="right") - 1, 0, None)]
+    np.testing.assert_array_equal(actual["held"], held_values)
     spline = CubicSpline(times, values)
-    np.testing.assert_allclose(found["cubic"], spline(inside), rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(actual["cubic"], spline(inside), rtol=1e-9, atol=1e-6)
     moving = (points > times[0] + 1e-9) & (points < times[-1] - 1e-9)
     for order, name in ((1, "rate"), (2, "bend")):
         expected = spline(points, order)
         size = np.abs(spline(times, order)).max() + 1.0
-        np.testing.assert_allclose(found[name][moving], expected[moving], rtol=1e-7, atol=1e-7 * size)
-        assert not found[name][points > times[-1] + 1e-9].any()
+        np.testing.assert_allclose(actual[name][moving], expected[moving], rtol=1e-7, atol=1e-7 * size)
+        assert not actual[name][points > times[-1] + 1e-9].any()
 
 
 def spans(table: TableContent, folder: Path, times: Array) -> dict[str, Array]:
@@ -109,7 +109,7 @@ def test_spans_have_the_means_of_scipy(
     points = times[0] + step * np.arange(int((times[-1] - times[0]) / step) + 1)
     if len(points) < 2:
         points = times[[0, -1]]
-    found = spans(a_table(times, values), tmp_path_factory.mktemp("table"), points)
+    actual = spans(a_table(times, values), tmp_path_factory.mktemp("table"), points)
     slopes = np.diff(values) / np.diff(times)
     curves = {
         "held": PPoly(values[None, :-1], times),
@@ -120,31 +120,31 @@ def test_spans_have_the_means_of_scipy(
     for name, curve in curves.items():
         exact = np.diff(curve.antiderivative()(points)) / np.diff(points)
         size = np.abs(curve(np.linspace(times[0], times[-1], 1000))).max() + 1.0
-        np.testing.assert_allclose(found[f"step.mean.{name}"], exact, rtol=1e-7, atol=1e-7 * size)
+        np.testing.assert_allclose(actual[f"step.mean.{name}"], exact, rtol=1e-7, atol=1e-7 * size)
 
 
 def test_the_line_of_a_step_ends_before_a_jump_and_is_its_mean_over_one(tmp_path: Path) -> None:
     """At 0.2 s between points, at 0.5 s at one; the data repeat after 0.8 s, with a jump."""
     times = np.array([0.0, 0.2, 0.2, 0.5, 0.5, 0.8])
     values = np.array([1.0, 3.0, 5.0, 2.0, 4.0, 4.0])
-    shown = [TableOutput("y", 0), TableOutput("z", 1)]
+    table_outputs = [TableOutput("y", 0), TableOutput("z", 1)]
     columns = [TableColumn(values), TableColumn(np.array([1.0, 1.0, 2.0, 2.0, 5.0, 5.0]), "held")]
-    table = TableContent(times, columns, shown, "repeat")
-    found = spans(table, tmp_path, np.array([0.0, 0.1, 0.25, 0.5, 0.75, 0.9]))
-    assert found["step.begin.y"] == pytest.approx([1.0, 3.25, 4.5, 4.0, 7.0 / 3])
-    assert found["step.end.y"] == pytest.approx([2.0, 3.25, 2.0, 4.0, 7.0 / 3])
-    assert found["step.mean.y"] == pytest.approx([1.5, 3.25, 3.25, 4.0, 7.0 / 3])
-    assert found["step.begin.z"] == pytest.approx([1.0, 4.0 / 3, 2.0, 5.0, 7.0 / 3])
-    assert found["step.end.z"].tolist() == found["step.begin.z"].tolist() == found["step.mean.z"].tolist()
+    table = TableContent(times, columns, table_outputs, "repeat")
+    actual = spans(table, tmp_path, np.array([0.0, 0.1, 0.25, 0.5, 0.75, 0.9]))
+    assert actual["step.begin.y"] == pytest.approx([1.0, 3.25, 4.5, 4.0, 7.0 / 3])
+    assert actual["step.end.y"] == pytest.approx([2.0, 3.25, 2.0, 4.0, 7.0 / 3])
+    assert actual["step.mean.y"] == pytest.approx([1.5, 3.25, 3.25, 4.0, 7.0 / 3])
+    assert actual["step.begin.z"] == pytest.approx([1.0, 4.0 / 3, 2.0, 5.0, 7.0 / 3])
+    assert actual["step.end.z"].tolist() == actual["step.begin.z"].tolist() == actual["step.mean.z"].tolist()
 
 
 def test_rows_are_met_exactly_whatever_the_rounding_of_their_times(tmp_path: Path) -> None:
     times = np.array([float(f"{k / 10}") for k in range(101)])  # 0.3, and not 3 * 0.1
     values = np.random.default_rng(1).normal(size=101)
-    found = outputs(a_table(times, values), tmp_path, 0.0, 0.1, 100)
-    np.testing.assert_array_equal(found["held"], values)
-    np.testing.assert_array_equal(found["linear"], values)
-    np.testing.assert_array_equal(found["cubic"], values)
+    actual = outputs(a_table(times, values), tmp_path, 0.0, 0.1, 100)
+    np.testing.assert_array_equal(actual["held"], values)
+    np.testing.assert_array_equal(actual["linear"], values)
+    np.testing.assert_array_equal(actual["cubic"], values)
 
 
 @pytest.mark.parametrize("end", ENDS)
@@ -152,20 +152,20 @@ def test_splines_are_periodic_only_in_repeated_tables(end: str, tmp_path: Path) 
     """Not because its ends are equal, as those of a load that comes and goes."""
     times, values = np.linspace(0.0, 1.0, 6), np.array([1.0, 3.0, 2.0, -1.0, 4.0, 1.0])
     count = 79 if end == "repeat" else 19
-    found = outputs(a_table(times, values, end), tmp_path, 0.0, 0.05, count)
+    actual = outputs(a_table(times, values, end), tmp_path, 0.0, 0.05, count)
     points = 0.05 * np.arange(count + 1)
     spline = CubicSpline(times, values, bc_type="periodic" if end == "repeat" else "not-a-knot")
     for order, name in enumerate(("cubic", "rate", "bend")):
-        np.testing.assert_allclose(found[name], spline(points, order), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(actual[name], spline(points, order), rtol=1e-9, atol=1e-9)
 
 
 def test_the_first_row_of_a_repeated_table_replaces_the_last(tmp_path: Path) -> None:
     """From the first row on: before it, the table rests."""
     table = a_table(np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 9.0]), "repeat")
-    found = outputs(table, tmp_path, 0.0, 0.5, 12)
-    assert found["held"].tolist() == [1, 1, 1, 1, 2, 2, 1, 1, 2, 2, 1, 1, 2]
+    actual = outputs(table, tmp_path, 0.0, 0.5, 12)
+    assert actual["held"].tolist() == [1, 1, 1, 1, 2, 2, 1, 1, 2, 2, 1, 1, 2]
     expected = [1, 1, 1, 1.5, 2, 5.5, 1, 1.5, 2, 5.5, 1, 1.5, 2]
-    np.testing.assert_allclose(found["linear"], expected, atol=1e-12)
+    np.testing.assert_allclose(actual["linear"], expected, atol=1e-12)
 
 
 def test_a_table_that_stops_asks_the_host_to_end(tmp_path: Path) -> None:
@@ -184,28 +184,30 @@ def test_states_of_tables_are_restored_and_instances_are_independent(tmp_path: P
     times = np.linspace(0.0, 1.0, 11)
     path = build_table(a_table(times, times**2), tmp_path / "t.fmu")
     with opened(path, tmp_path / "a b%20ü#c") as session, opened(path, tmp_path / "other") as elsewhere:
-        one, other = session.instance(), elsewhere.instance(time=0.5)
-        one.doStep(0.0, 0.25)
-        state, before = one.getFMUstate(), session.get(one, "linear")
-        one.doStep(0.25, 0.6)
-        assert session.get(one, "linear") != before and elsewhere.get(other, "linear") == [0.25]
-        kept = one.serializeFMUstate(state)
-        one.setFMUstate(state)
-        one.freeFMUstate(state)
-        assert session.get(one, "linear") == before
-        one.doStep(0.25, 0.5)
-        after = session.get(one, "linear")
-        one.reset()
-        session.initialize(one)
-        assert session.get(one, "linear") == [0.0]
-        other.setFMUstate(other.deSerializeFMUstate(kept))  # also of another instance
-        other.doStep(0.25, 0.5)
-        assert elsewhere.get(other, "linear") == after
+        first, second = session.instance(), elsewhere.instance(time=0.5)
+        first.doStep(0.0, 0.25)
+        state, before = first.getFMUstate(), session.get(first, "linear")
+        first.doStep(0.25, 0.6)
+        assert session.get(first, "linear") != before and elsewhere.get(second, "linear") == [0.25]
+        serialized = first.serializeFMUstate(state)
+        first.setFMUstate(state)
+        first.freeFMUstate(state)
+        assert session.get(first, "linear") == before
+        first.doStep(0.25, 0.5)
+        after = session.get(first, "linear")
+        first.reset()
+        session.initialize(first)
+        assert session.get(first, "linear") == [0.0]
+        second.setFMUstate(second.deSerializeFMUstate(serialized))  # also of another instance
+        second.doStep(0.25, 0.5)
+        assert elsewhere.get(second, "linear") == after
 
 
 def test_an_output_is_its_column_in_its_own_unit(tmp_path: Path) -> None:
-    shown = [TableOutput("lift.plant.F_L", 0, factor=1e-3, offset=2.0, unit=NEWTON, description='<a> & "b"')]
-    path = build_table(two_rows(shown), tmp_path / "t.fmu")
+    columns = [
+        TableOutput("lift.plant.F_L", 0, factor=1e-3, offset=2.0, unit=NEWTON, description='<a> & "b"')
+    ]
+    path = build_table(two_rows(columns), tmp_path / "t.fmu")
     assert validate_fmu(str(path)) == []
     with opened(path, tmp_path / "t") as session:
         (unit,) = session.description.unitDefinitions
@@ -236,8 +238,8 @@ def test_bytes_depend_on_the_content_and_libraries_do_not(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("count", mostly_slow([16, 17, MOST_OUTPUTS], [17]))
 def test_tables_may_have_many_outputs(tmp_path: Path, count: int) -> None:
-    shown = [TableOutput(f"y[{i}]", 0, factor=float(i)) for i in range(count)]
-    with opened(build_table(two_rows(shown), tmp_path / "t.fmu"), tmp_path / "t") as session:
+    columns = [TableOutput(f"y[{i}]", 0, factor=float(i)) for i in range(count)]
+    with opened(build_table(two_rows(columns), tmp_path / "t.fmu"), tmp_path / "t") as session:
         slave = session.instance()
         slave.doStep(0.0, 0.5)
         assert session.get(slave, f"y[{count - 1}]") == [2.0 * (count - 1)]
@@ -246,9 +248,9 @@ def test_tables_may_have_many_outputs(tmp_path: Path, count: int) -> None:
 
 
 def test_too_many_outputs_are_refused(tmp_path: Path) -> None:
-    shown = [TableOutput(f"y[{i}]", 0) for i in range(MOST_OUTPUTS + 1)]
+    columns = [TableOutput(f"y[{i}]", 0) for i in range(MOST_OUTPUTS + 1)]
     with pytest.raises(BuildError, match=f"can have {MOST_OUTPUTS} outputs"):
-        build_table(two_rows(shown), tmp_path / "t.fmu")
+        build_table(two_rows(columns), tmp_path / "t.fmu")
 
 
 @pytest.mark.parametrize("end", ENDS)
@@ -256,11 +258,11 @@ def test_damaged_data_are_refused(tmp_path: Path, end: str) -> None:
     table = a_table(np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 1.0]), end)
     session = Session(build_table(table, tmp_path / "t.fmu"), tmp_path / "t")
     numbers = session.folder / "resources" / "table.bin"
-    whole = numbers.read_bytes()
+    complete = numbers.read_bytes()
     random = np.random.default_rng(3)
-    damaged = [b"", whole[:-1], whole + b"\0", whole[:40], b"EMLATBL1" + whole[8:]]
-    for place in random.integers(0, len(whole), 25):
-        damaged.append(whole[:place] + bytes([whole[place] ^ 0x41]) + whole[place + 1 :])
+    damaged = [b"", complete[:-1], complete + b"\0", complete[:40], b"EMLATBL1" + complete[8:]]
+    for position in random.integers(0, len(complete), 25):
+        damaged.append(complete[:position] + bytes([complete[position] ^ 0x41]) + complete[position + 1 :])
     for content in (*damaged, None):
         numbers.unlink() if content is None else numbers.write_bytes(content)
         with pytest.raises(Exception, match="Failed to instantiate"):

@@ -52,21 +52,21 @@ SPOKEN = [name for name in _PREFIXABLE if name not in _AMBIGUOUS]
     ],
 )
 def test_units_are_those_of_pint(symbol: str) -> None:
-    known = {**_PREFIXABLE, **_NOT_PREFIXABLE}[symbol]
+    existing = {**_PREFIXABLE, **_NOT_PREFIXABLE}[symbol]
     if symbol in ("Hz", "kHz", "MHz"):  # which pint takes for radians per second
-        assert known.exponents == _NOT_PREFIXABLE["Hz"].exponents
+        assert existing.exponents == _NOT_PREFIXABLE["Hz"].exponents
         return
     if symbol in ("cycle", "cycles"):  # which pint takes for a turn
-        assert known.powers == {} and known.factor == 1.0
+        assert existing.powers == {} and existing.factor == 1.0
         return
     quantity = PINT.Quantity(1.0, PINT_NAMES.get(symbol, symbol)).to_base_units()
     dimensions = {"[mass]": 0, "[length]": 1, "[time]": 2, "[current]": 3, "[temperature]": 4}
     dimensions |= {"[substance]": 5, "[luminosity]": 6}
-    found = [0.0] * len(BASE_UNITS)
+    actual = [0.0] * len(BASE_UNITS)
     for name, power in quantity.dimensionality.items():
-        found[dimensions[name]] = power
-    assert tuple(found[:-1]) == known.exponents[:-1]
-    assert known.factor == pytest.approx(quantity.magnitude, rel=1e-12)
+        actual[dimensions[name]] = power
+    assert tuple(actual[:-1]) == existing.exponents[:-1]
+    assert existing.factor == pytest.approx(quantity.magnitude, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -84,13 +84,13 @@ def test_units_are_those_of_pint(symbol: str) -> None:
     ],
 )
 def test_names(name: str, exponents: dict[str, int], factor: float) -> None:
-    found = find_unit(name)
-    assert found is not None
-    assert dict(zip(BASE_UNITS, found.exponents, strict=True)) == {
+    actual = find_unit(name)
+    assert actual is not None
+    assert dict(zip(BASE_UNITS, actual.exponents, strict=True)) == {
         **dict.fromkeys(BASE_UNITS, 0),
         **exponents,
     }
-    assert found.factor == pytest.approx(factor, rel=1e-14)
+    assert actual.factor == pytest.approx(factor, rel=1e-14)
 
 
 SAY_NOTHING = ["", "xNm", "C", "g", "foo", "m/", "/s", "m//s", "m/s/s", "(m", "m)", "m.", "Euro/PersonYear"]
@@ -106,8 +106,8 @@ def test_unknown_and_ambiguous_names_have_no_unit(name: str) -> None:
 
 @given(st.text(max_size=60))
 def test_any_text_is_a_unit_or_none(text: str) -> None:
-    found = find_unit(text)
-    assert found is None or (math.isfinite(found.factor) and found.factor > 0.0)
+    actual = find_unit(text)
+    assert actual is None or (math.isfinite(actual.factor) and actual.factor > 0.0)
 
 
 symbols = st.tuples(
@@ -123,18 +123,18 @@ def test_products_multiply(parts: list[tuple[str, str, int]], below: tuple[str, 
         return f"{prefix}{symbol}{power}"
 
     name = ".".join(written(*part) for part in parts) + f"/{written(*below)}"
-    found = find_unit(name)
+    actual = find_unit(name)
     single = [find_unit(f"{prefix}{symbol}.s/s") for prefix, symbol, _ in (*parts, below)]
-    if any(one is None for one in single):
-        assert found is None
+    if any(unit is None for unit in single):
+        assert actual is None
         return
-    assert found is not None
+    assert actual is not None
     powers = [power for _, _, power in parts] + [-below[2]]
-    factor = math.prod(one.factor**power for one, power in zip(single, powers, strict=True) if one)
-    assert found.factor == pytest.approx(factor, rel=1e-9)
+    factor = math.prod(unit.factor**power for unit, power in zip(single, powers, strict=True) if unit)
+    assert actual.factor == pytest.approx(factor, rel=1e-9)
     for k in range(len(BASE_UNITS)):
-        assert found.exponents[k] == sum(
-            one.exponents[k] * power for one, power in zip(single, powers, strict=True) if one
+        assert actual.exponents[k] == sum(
+            unit.exponents[k] * power for unit, power in zip(single, powers, strict=True) if unit
         )
 
 

@@ -55,9 +55,9 @@ def test_strong_coupling_repeats_steps_with_the_pose() -> None:
 
     def slope(_: float, y: np.ndarray) -> list[float]:
         x, v = y.tolist()
-        made = case.dynamics(MachineState([x], [], [v], [], []))
+        dynamics = case.dynamics(MachineState([x], [], [v], [], []))
         force = STIFFNESS * (values["x_E"] - x) - DAMPING * v
-        return [v, *made.forward([v], [force], [MASS])]
+        return [v, *dynamics.forward([v], [force], [MASS])]
 
     expected = solve_ivp(slope, (0.0, 0.2), [start, 0.0], method="DOP853", rtol=1e-5, atol=1e-7).y[0, -1]
     wide, narrow = (result["push.x"][-1] for result in results)

@@ -51,10 +51,10 @@ def test_forces_of_a_motion_change_the_energy() -> None:
 def test_deflection_is_the_acceleration_of_the_suspension_over_gravity() -> None:
     machine = MachineModel(crane())
     q, v, a = motion(machine, 3)
-    before, here, after = (
+    before, now, after = (
         machine.points(q + t * v + 0.5 * t * t * a, ["hook"])["hook"][:, 0] for t in (-STEP, 0.0, STEP)
     )
-    acceleration = (before - 2.0 * here + after) / STEP**2
+    acceleration = (before - 2.0 * now + after) / STEP**2
     assert abs(machine.swing(q, v, a)[:, 0]) == pytest.approx(abs(acceleration) / G, abs=1e-5)
 
 
@@ -67,8 +67,8 @@ def test_rate_of_a_load_that_hangs_is_not_that_of_its_boom() -> None:
         [(machine.tip(q + STEP * e) - machine.tip(q - STEP * e)) / (2.0 * STEP) for e in np.eye(3)],
         axis=2,
     )
-    before, here, after = (machine.tip(q + t * v + 0.5 * t * t * a) for t in (-STEP, 0.0, STEP))
-    force = 10.0 * ((before - 2.0 * here + after) / STEP**2 + [0.0, G])
+    before, now, after = (machine.tip(q + t * v + 0.5 * t * t * a) for t in (-STEP, 0.0, STEP))
+    force = 10.0 * ((before - 2.0 * now + after) / STEP**2 + [0.0, G])
     assert heavier - lighter == pytest.approx(np.einsum("rij,ri->rj", slopes, force), rel=1e-4, abs=0.5)
 
 

@@ -16,7 +16,7 @@ from machine_fmu.pose import Pose
 
 
 @cache
-def made(name: str, kind: str) -> type[Block]:
+def make_block(name: str, kind: str) -> type[Block]:
     machine = load_machine(name)
     return load_block(machine, "Load") if kind == "load" else plant_block(machine, "Plant")
 
@@ -25,7 +25,7 @@ def made(name: str, kind: str) -> type[Block]:
 @pytest.mark.parametrize("name", ["crane", "lift_table"])
 def test_symbols_and_floats_give_the_same_bits(name: str, kind: str) -> None:
     """After a step; these machines have triangles, loops, and a load that swings."""
-    instance = Instance(made(name, kind)())
+    instance = Instance(make_block(name, kind)())
     layout = instance.layout
     for variable in layout.inputs:
         if variable.attribute != "payload" and variable.attribute != "x_L":
@@ -41,7 +41,7 @@ def test_symbols_and_floats_give_the_same_bits(name: str, kind: str) -> None:
 
 def test_pose_follows_the_strokes() -> None:
     """What Newton's method finds is a state, which stays close to the solution."""
-    instance = Instance(made("lift_table", "load")())
+    instance = Instance(make_block("lift_table", "load")())
     start = instance["x_L"][0]
     instance.enter_initialization()
     instance.exit_initialization()
@@ -67,7 +67,7 @@ def test_swinging_load_comes_to_rest() -> None:
     """By the damping of its joint; without, it would swing on."""
     swings = {}
     for damping in (0.0, 500.0):
-        instance = Instance(made("crane", "load")())
+        instance = Instance(make_block("crane", "load")())
         instance["hook.damping"] = damping
         instance["solver.internal_step"] = 0.03
         instance["start.passive.q"] = [-0.6]
@@ -83,7 +83,7 @@ def test_swinging_load_comes_to_rest() -> None:
 
 
 def test_pins_that_leave_their_slide() -> None:
-    instance = Instance(made("crane", "load")())
+    instance = Instance(make_block("crane", "load")())
     instance["jib.foot.y"] = 0.25
     instance.enter_initialization()
     expected = "Load: the points of 'telescope' must be along the slide of 'extension', as in the file."
@@ -93,7 +93,7 @@ def test_pins_that_leave_their_slide() -> None:
 
 
 def test_pose_of_another_place_does_not_start() -> None:
-    instance = Instance(made("lift_table", "load")())
+    instance = Instance(make_block("lift_table", "load")())
     instance["start.pose"] = [0.6, 2.0, -2.0, 0.6]
     instance.enter_initialization()
     with pytest.raises(BlockError, match=r"start\.pose of '\w+' must be near the one of the strokes"):
@@ -113,7 +113,7 @@ def test_pose_of_another_place_does_not_start() -> None:
     ],
 )
 def test_impossible_machines_do_not_start(values: dict[str, float], expected: str) -> None:
-    instance = Instance(made("hdrm", "load")())
+    instance = Instance(make_block("hdrm", "load")())
     for name, value in values.items():
         instance[name] = value
     instance.enter_initialization()

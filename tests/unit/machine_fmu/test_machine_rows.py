@@ -26,12 +26,12 @@ def test_arrays_and_symbols_have_the_same_forces_and_energies(name: str) -> None
     forces = casadi.Function("f", [*symbols, m], [casadi.vertcat(*model.inverse(q_i, x_i, v_i, a_i, m))])
     energy = casadi.Function("e", [*symbols[:3], m], [model.energy_of(q_i, x_i, v_i, m)])
     columns = [values.T for values in (q, x, v, a)]
-    for found, function, arguments in (
+    for actual, function, arguments in (
         (model.forces(q, v, a, masses), forces, columns),
         (model.energy(q, v, masses)[:, None], energy, columns[:3]),
     ):
         expected = np.array(function.map(ROWS)(*arguments, masses[None])).T
-        assert found == pytest.approx(expected, rel=1e-13, abs=1e-13 * np.abs(expected).max())
+        assert actual == pytest.approx(expected, rel=1e-13, abs=1e-13 * np.abs(expected).max())
 
 
 def test_exact_numbers_and_arrays() -> None:

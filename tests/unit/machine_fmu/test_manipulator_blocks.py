@@ -31,10 +31,10 @@ def parameters(block: Any) -> dict[str, Any]:
 
 
 def test_actuators_are_those_of_the_joints() -> None:
-    found = parameters(HdrmPlant)
+    actual = parameters(HdrmPlant)
     mechanics = ("J_m", "B_m", "J_c", "rho", "J_GB", "eta_GB", "lead", "M_BS", "B_BS", "C_eq")
     for name in (*mechanics, "q_LB", "q_UB", "v_max"):
-        assert found[name].start == [getattr(emla, name) for emla in EMLAS], name
+        assert actual[name].start == [getattr(emla, name) for emla in EMLAS], name
 
 
 @given(m=MOMENTS)
@@ -71,9 +71,9 @@ def test_it_accelerates_as_three_plants_under_its_load_force(
             "d_2": d_2[i],
             "use_commanded_current": True,
         }
-        own = {name: values[i] for name, values in more.items()}
+        changed_values = {name: values[i] for name, values in more.items()}
         start = {"start.x_L": m.q[i], "v_L": m.v[i]}
-        plant = started(EmlaPlant, motor | screw | acting | own | start)
+        plant = started(EmlaPlant, motor | screw | acting | changed_values | start)
         assert plant["tau_m"] == pytest.approx(tau_m[i], rel=1e-14)
         assert merged["a_L"][i] == pytest.approx(plant["a_L"], rel=1e-9, abs=1e-9)
 

@@ -21,7 +21,7 @@ FORMS: list[dict[str, Any]] = [
 ]
 
 
-def apart(form: dict[str, Any], points: np.ndarray) -> np.ndarray:
+def measure_distances(form: dict[str, Any], points: np.ndarray) -> np.ndarray:
     """The distance of points from a form, by its definition."""
     if "radius" in form:
         return np.maximum(np.linalg.norm(points - form["centre"], axis=1) - form["radius"], 0.0)
@@ -38,12 +38,12 @@ def test_distances_of_segments(form: dict[str, Any]) -> None:
     obstacle = Obstacle(**form)
     draw = np.random.default_rng(1)
     a, b = draw.uniform(-0.5, 1.5, (2, 12, obstacle.dimensions))
-    found, places = obstacle.distances(a, b)
+    actual, nearest_points = obstacle.distances(a, b)
     for i in range(len(a)):
         line = a[i] + np.linspace(0.0, 1.0, 200)[:, None] * (b[i] - a[i])
-        nearest = apart(form, line).min()
-        assert found[i] == pytest.approx(nearest, abs=0.02)
-        assert apart(form, places[i][None])[0] == pytest.approx(found[i], abs=0.02)
+        nearest = measure_distances(form, line).min()
+        assert actual[i] == pytest.approx(nearest, abs=0.02)
+        assert measure_distances(form, nearest_points[i][None])[0] == pytest.approx(actual[i], abs=0.02)
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -27,13 +27,13 @@ COARSE = Discretisation(knots=12, points=6)
 
 
 @pytest.fixture(scope="module")
-def found() -> Solution:
+def solution() -> Solution:
     return solved(CLIPPED, USUAL)
 
 
 @pytest.fixture(scope="module")
-def spline(found: Solution) -> Spline:
-    return found.spline(USUAL)
+def spline(solution: Solution) -> Spline:
+    return solution.spline(USUAL)
 
 
 @pytest.fixture(scope="module")
@@ -76,18 +76,18 @@ def test_all_bounds_hold_on_a_dense_grid(spline: Spline, figures: Assessment) ->
 
 def test_the_default_motion_is_reproduced(spline: Spline, figures: Assessment) -> None:
     """All starts end 1e-7 of the cost apart here; another machine's linear algebra may add to that."""
-    kept = default_spline()
+    stored = default_spline()
     times = np.linspace(0.0, 37.7, 1001)
-    assert kept.end == spline.end
-    assert spline.evaluated(times) == pytest.approx(kept.evaluated(times), abs=1e-3)
-    cost = assessed(kept, CLIPPED, USUAL.tie_break).cost
+    assert stored.end == spline.end
+    assert spline.evaluated(times) == pytest.approx(stored.evaluated(times), abs=1e-3)
+    cost = assessed(stored, CLIPPED, USUAL.tie_break).cost
     assert figures.cost == pytest.approx(cost, rel=1e-3)
 
 
 @pytest.mark.slow
-def test_no_start_leads_to_a_motion_that_is_clearly_better(found: Solution) -> None:
-    others = [solved(CLIPPED, USUAL, detour(CLIPPED, USUAL, seed)).cost for seed in (1, 2)]
-    assert found.cost <= 1.01 * min(others)
+def test_no_start_leads_to_a_motion_that_is_clearly_better(solution: Solution) -> None:
+    costs = [solved(CLIPPED, USUAL, detour(CLIPPED, USUAL, seed)).cost for seed in (1, 2)]
+    assert solution.cost <= 1.01 * min(costs)
 
 
 @pytest.mark.slow
@@ -102,13 +102,13 @@ def test_without_tie_break_joints_work_against_each_other() -> None:
 
 
 @pytest.mark.slow
-def test_subdivided_control_points_cost_less_and_keep_all_bounds(found: Solution) -> None:
+def test_subdivided_control_points_cost_less_and_keep_all_bounds(solution: Solution) -> None:
     """The optimum with bounds at 40 points in each span, from the same solver: 190,515 W2 s."""
     how = replace(USUAL, subdivisions=16)
     best = solved(CLIPPED, how)
     spline, figures = best.spline(how), assessed(best.spline(how), CLIPPED, how.tie_break)
     assert figures.cost + figures.tie_break == pytest.approx(best.cost, rel=1e-6)
-    assert 190_515 < best.cost < 190_838 < 0.951 * found.cost
+    assert 190_515 < best.cost < 190_838 < 0.951 * solution.cost
     _, q, v, force = in_floats(spline, CLIPPED)
     assert_within_bounds(q, v, force)
     assert figures.within_bounds
@@ -120,31 +120,31 @@ def test_subdivided_control_points_cost_less_and_keep_all_bounds(found: Solution
 def test_subdivision_keeps_the_curve_and_comes_closer(degree: int) -> None:
     basis = SplineBasis.cosine(degree, 9)
     coefficients = np.random.default_rng(3).normal(size=basis.size)
-    places = np.linspace(0.0, 1.0, 2001)
+    positions = np.linspace(0.0, 1.0, 2001)
     curve = BSpline(basis.knots, coefficients, degree)
-    highest = curve(places).max()
+    highest = curve(positions).max()
     before = coefficients.max()
     for pieces in (1, 2, 4, 8):
         knots = [a + (b - a) * k / pieces for a, b in pairwise(basis.distinct_knots) for k in range(pieces)]
         knots = np.concatenate([np.zeros(degree), knots, np.ones(degree + 1)])
         fine = basis.subdivided(pieces) @ coefficients
-        np.testing.assert_allclose(BSpline(knots, fine, degree)(places), curve(places), atol=1e-12)
+        np.testing.assert_allclose(BSpline(knots, fine, degree)(positions), curve(positions), atol=1e-12)
         assert highest - 1e-12 <= fine.max() <= before + 1e-12
         before = fine.max()
     assert before - highest < 0.2 * (coefficients.max() - highest)
     slopes = np.diff(coefficients) / basis.speed_spans
-    derived = BSpline(basis.derivative.knots, slopes, degree - 1)(places)
-    np.testing.assert_allclose(derived, curve(places, nu=1), atol=1e-9)
+    derived = BSpline(basis.derivative.knots, slopes, degree - 1)(positions)
+    np.testing.assert_allclose(derived, curve(positions, nu=1), atol=1e-9)
 
 
 ACCELERATION = {"a_LB": (-0.1,) * 3, "a_UB": (0.1, 0.1, 0.15)}
 JERK = {"j_LB": (-0.3,) * 3, "j_UB": (0.3, 0.3, 0.4)}
-BOTH = {"a_UB": (0.06,) * 3, "j_LB": (-0.1,) * 3, "j_UB": (0.1,) * 3}
+ACCELERATION_AND_JERK = {"a_UB": (0.06,) * 3, "j_LB": (-0.1,) * 3, "j_UB": (0.1,) * 3}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("degree", "subdivisions", "limits"), [(5, 1, ACCELERATION), (5, 4, JERK), (3, 2, BOTH)]
+    ("degree", "subdivisions", "limits"), [(5, 1, ACCELERATION), (5, 4, JERK), (3, 2, ACCELERATION_AND_JERK)]
 )
 def test_accelerations_and_jerks_keep_their_bounds(
     degree: int, subdivisions: int, limits: dict[str, Any]
@@ -167,8 +167,8 @@ def test_accelerations_and_jerks_keep_their_bounds(
                 assert np.all(share <= 1.0 + 1e-6)
                 reached = reached or bool(np.any(share > 0.9))
         for i, peak in enumerate(figures.peaks):
-            told = peak.acceleration if name == "a" else peak.jerk
-            assert abs(told) == pytest.approx(np.abs(values[i]).max(), rel=1e-3)
+            reported = peak.acceleration if name == "a" else peak.jerk
+            assert abs(reported) == pytest.approx(np.abs(values[i]).max(), rel=1e-3)
     assert reached
     loose = assessed(free.spline(how), problem, how.tie_break)
     assert not loose.within_bounds
@@ -268,17 +268,17 @@ def test_forces_keep_their_bounds_between_points_too() -> None:
     hard = replace(PRINTED.read_as(EndSpeed.REST), t_M=1.0)
     loose = solved(hard, COARSE)
     assert not assessed(loose.spline(COARSE), hard, COARSE.tie_break).within_bounds
-    kept, figures = narrowed(loose, hard, COARSE, lambda: None)
+    stored, figures = narrowed(loose, hard, COARSE, lambda: None)
     assert figures.within_bounds
-    assert kept.cost == pytest.approx(loose.cost, rel=0.05)
+    assert stored.cost == pytest.approx(loose.cost, rel=0.05)
 
 
 # ---- the grid ----------------------------------------------------------------------------------
 
 
 def test_weights_integrate_polynomials_exactly() -> None:
-    places = np.array([0.0, 0.1, 0.4, 1.0])
-    points, weights = lobatto(places, 6)
+    positions = np.array([0.0, 0.1, 0.4, 1.0])
+    points, weights = lobatto(positions, 6)
     assert len(points) == 3 * 5 + 1
     for power in range(10):
         assert weights @ points**power == pytest.approx(1.0 / (power + 1.0), rel=1e-13)

@@ -45,13 +45,13 @@ def way(q: Any, start: Any) -> float:
 @examples(6, 20, phases=[Phase.explicit, Phase.generate])
 def test_the_posture_of_a_position_is_the_nearest_to_the_start(start: Any, q: Any) -> None:
     at = tip(q)
-    found = nearest_posture(REACH, (at.real, at.imag), start, everything)
-    if found is None:  # only at the border, where one rounded stroke of the telescope reaches it
+    actual = nearest_posture(REACH, (at.real, at.imag), start, everything)
+    if actual is None:  # only at the border, where one rounded stroke of the telescope reaches it
         assert min(*q, *np.subtract(HDRM.q_UB, q)) < 2e-3
         return
-    assert all(0.0 <= x <= high for x, high in zip(found, HDRM.q_UB, strict=True))
-    assert abs(tip(found) - at) < 2e-9
-    assert way(found, start) <= way(q, start) + 1e-3
+    assert all(0.0 <= x <= high for x, high in zip(actual, HDRM.q_UB, strict=True))
+    assert abs(tip(actual) - at) < 2e-9
+    assert way(actual, start) <= way(q, start) + 1e-3
 
 
 def test_only_allowed_postures_are_chosen() -> None:
@@ -86,8 +86,8 @@ def test_a_motion_passes_its_way_points() -> None:
     problem = paper_problem(tip_E=(3.2, 0.5), via=vias, v_S=REST, v_E=REST)
     assert find_contradictions(problem) == []
     assert problem.moments == [0.3, pytest.approx(2.0 / 3.0)]
-    found = solved(problem, COARSE)
-    spline, figures = found.spline(COARSE), assessed(found.spline(COARSE), problem, COARSE.tie_break)
+    actual = solved(problem, COARSE)
+    spline, figures = actual.spline(COARSE), assessed(actual.spline(COARSE), problem, COARSE.tie_break)
     assert figures.within_bounds
     for part, position in ((0.3, 2.6 - 0.4j), (2.0 / 3.0, 3.0 + 0.2j), (1.0, 3.2 + 0.5j)):
         (q,) = spline.evaluated([part * spline.end])

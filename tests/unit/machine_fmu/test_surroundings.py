@@ -44,25 +44,25 @@ def height(problem: MotionProblem, q: Any) -> float:
 
 def strokes(problem: MotionProblem, how: Discretisation) -> tuple[np.ndarray, bool]:
     """A motion on 10,000 points, and whether it is said to keep all bounds."""
-    found = solved(problem, how)
-    figures = assessed(found.spline(how), problem, how.tie_break)
+    actual = solved(problem, how)
+    figures = assessed(actual.spline(how), problem, how.tie_break)
     if not figures.within_bounds:
-        found, figures = narrowed(found, problem, how, lambda: None)
-    spline = found.spline(how)
+        actual, figures = narrowed(actual, problem, how, lambda: None)
+    spline = actual.spline(how)
     return spline.evaluated(np.linspace(spline.start, spline.end, 10_000)), figures.within_bounds
 
 
 @pytest.mark.slow
 def test_the_ground_bends_a_motion_that_would_come_too_close() -> None:
     free = solved(replace(LOW_AND_SINKING, ground_clearance=None), COARSE)
-    seen = free.spline(COARSE).evaluated(np.linspace(0.0, free.duration, 4001))
-    lowest = min(height(LOW_AND_SINKING, q) for q in seen)
+    positions = free.spline(COARSE).evaluated(np.linspace(0.0, free.duration, 4001))
+    lowest = min(height(LOW_AND_SINKING, q) for q in positions)
     assert 0.185 < lowest < 0.195
-    found = assessed(free.spline(COARSE), LOW_AND_SINKING, 0.0).clearances[0]
-    assert found.obstacle == GROUND and found.smallest.part == "the tip"
-    assert found.smallest.distance == pytest.approx(lowest, abs=1e-6)
-    seen, is_kept = strokes(LOW_AND_SINKING, COARSE)
-    assert is_kept and min(height(LOW_AND_SINKING, q) for q in seen) >= 0.2 - 2e-6
+    actual = assessed(free.spline(COARSE), LOW_AND_SINKING, 0.0).clearances[0]
+    assert actual.obstacle == GROUND and actual.smallest.part == "the tip"
+    assert actual.smallest.distance == pytest.approx(lowest, abs=1e-6)
+    positions, is_kept = strokes(LOW_AND_SINKING, COARSE)
+    assert is_kept and min(height(LOW_AND_SINKING, q) for q in positions) >= 0.2 - 2e-6
 
 
 def test_obstacles_far_away_change_no_motion() -> None:
@@ -98,11 +98,11 @@ def test_no_motion_between_random_postures_touches_the_ground(seed: int) -> None
     if find_contradictions(problem):
         return
     try:
-        seen, is_kept = strokes(problem, COARSE)
+        positions, is_kept = strokes(problem, COARSE)
     except NoMotionError as error:
         assert "the clearance from the ground by" in str(error)
         return
-    assert not is_kept or min(height(problem, q) for q in seen) >= 0.2 - 2e-6
+    assert not is_kept or min(height(problem, q) for q in positions) >= 0.2 - 2e-6
 
 
 @given(q=anywhere())
@@ -132,10 +132,10 @@ def test_distances_are_those_of_the_geometry(q: Any) -> None:
     boom = at["O_2"] + parts * (at["tip"] - at["O_2"])
     body = np.concatenate([a + parts * (b - a) for a in corners for b in corners])
     nearest = np.abs(boom[:, None] - body[None, :]).min()
-    found = base_approach(machine, np.zeros(1), machine.points(row))
-    assert found is not None
-    assert found.distance == pytest.approx(nearest, abs=0.02) and found.distance <= nearest + 1e-9
-    assert found.distance > 0.378  # so no stroke of this machine brings the boom to its body
+    actual = base_approach(machine, np.zeros(1), machine.points(row))
+    assert actual is not None
+    assert actual.distance == pytest.approx(nearest, abs=0.02) and actual.distance <= nearest + 1e-9
+    assert actual.distance > 0.378  # so no stroke of this machine brings the boom to its body
 
 
 def test_a_boom_at_the_body_is_refused() -> None:
@@ -144,14 +144,14 @@ def test_a_boom_at_the_body_is_refused() -> None:
     near = base_approach(problem.machine, np.zeros(1), problem.machine.points(np.array([problem.q_E])))
     assert near is not None and near.distance < 0.2
     message = f"q_E puts 'inner_boom' {near.distance:.3g} m from the base or an actuator on it"
-    assert any(message in found for found in find_contradictions(problem))
+    assert any(message in actual for actual in find_contradictions(problem))
     off = replace(problem, body_clearance=None)
-    assert not any("the base" in found for found in find_contradictions(off))
+    assert not any("the base" in actual for actual in find_contradictions(off))
 
 
 def test_a_motion_along_the_body_is_reported() -> None:
     """From above the base to below it, as no solver would do it: the boom passes the base on its way."""
     line = Spline(1, [0.0, 0.0, 1.0, 1.0], {"lift": [0.5, 0.5], "tilt": [0.6, 0.02], "telescope": [0.2, 0.2]})
     problem = paper_problem(machine=FOLDING, ground_clearance="off")
-    (found,) = measure_clearances(line, problem)
-    assert found.obstacle == BODY and not found.is_kept and found.smallest.part == "'inner_boom'"
+    (actual,) = measure_clearances(line, problem)
+    assert actual.obstacle == BODY and not actual.is_kept and actual.smallest.part == "'inner_boom'"

@@ -37,8 +37,8 @@ def test_ctrl_c_while_drawing_keeps_the_results(emla: Emla, monkeypatch: pytest.
     monkeypatch.setattr(MachineFilm, "__getitem__", ended)
     text = sentence(emla(*RUN, "--animate"), 1)
     assert text == "Error: the animation was interrupted. The results so far are in out."
-    found = names(Path("out"))
-    assert found == {"results.csv", "metrics.json", "run.json"}
+    files = names(Path("out"))
+    assert files == {"results.csv", "metrics.json", "run.json"}
 
 
 def test_missing_signals_are_reported(emla: Emla) -> None:

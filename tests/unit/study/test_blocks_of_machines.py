@@ -71,9 +71,9 @@ def test_file_is_written_once(tmp_path: Path) -> None:
     first = ec.read_machine_blocks(path)
     assert ec.read_machine_blocks(path).all == first.all
     path.write_text(LIFT.replace("120 kg", "130 kg"), encoding="utf-8")
-    other = ec.read_machine_blocks(path)
-    assert other.file != first.file
-    assert [Instance(blocks.load())["boom.m"] for blocks in (first, other)] == [120.0, 130.0]
+    changed = ec.read_machine_blocks(path)
+    assert changed.file != first.file
+    assert [Instance(blocks.load())["boom.m"] for blocks in (first, changed)] == [120.0, 130.0]
 
 
 @pytest.mark.slow
@@ -83,8 +83,8 @@ def test_build_command(emla: Emla, tmp_path: Path) -> None:
     assert built.exit_code == 0, built.output
     names = {path.stem for path in (tmp_path / "out").rglob("*.fmu")}
     assert names == {"BoomLoad", "BoomPlant", "BoomTrajectory"}
-    alone = emla("build", "boom.toml:BoomPlant", "--platform", "linux64", "--fmi", "3", "--output", "one")
-    assert alone.exit_code == 0, alone.output
+    completed = emla("build", "boom.toml:BoomPlant", "--platform", "linux64", "--fmi", "3", "--output", "one")
+    assert completed.exit_code == 0, completed.output
     assert [path.stem for path in (tmp_path / "one").rglob("*.fmu")] == ["BoomPlant"]
 
 

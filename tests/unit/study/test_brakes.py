@@ -56,8 +56,8 @@ def test_joint_is_held_without_current(
     assert figures["release_error_m"] < 1e-5 and figures["hold_time_s"] == pytest.approx(
         END - START, abs=1e-3
     )
-    held = i_q[(t > 1.2) & (t < 1.3)]
-    assert figures["hold_copper_loss_J"] < 0.5 * 1.5 * 0.14 * np.mean(held**2) * (END - START)
+    holding_currents = i_q[(t > 1.2) & (t < 1.3)]
+    assert figures["hold_copper_loss_J"] < 0.5 * 1.5 * 0.14 * np.mean(holding_currents**2) * (END - START)
 
 
 def test_weak_brake_slips_and_moving_reference_is_reported(
@@ -111,12 +111,12 @@ def test_metrics_continue_from_their_memory() -> None:
             [0.3, 0, 0, 0.5, 0.4, 3, 0, 2e-3],
         ]
     )
-    whole, first, second = metrics(), metrics(), metrics()
-    whole.write(rows)
+    uninterrupted, first, second = metrics(), metrics(), metrics()
+    uninterrupted.write(rows)
     first.write(rows[:2])
     second.remember(json.loads(json.dumps(first.memory())))
     second.write(rows[2:])
-    assert second.figures() == whole.figures() and second.remarks() == whole.remarks()
-    (figures,) = whole.figures().values()
+    assert second.figures() == uninterrupted.figures() and second.remarks() == uninterrupted.remarks()
+    (figures,) = uninterrupted.figures().values()
     expected = {"hold_time_s": 0.2, "hold_copper_loss_J": 0.15 * 0.1 * (5.0 + 9.0), "brake_slip_m": 2e-3}
     assert figures == pytest.approx({**expected, "release_error_m": 0.1})

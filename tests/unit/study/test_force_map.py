@@ -60,10 +60,10 @@ def triangle(stroke: float) -> tuple[float, float]:
 def test_boom_is_held_as_its_triangle_says(dimensions: int) -> None:
     machine = MachineModel(boom(dimensions))
     strokes = find_workspace(machine).strokes
-    (shown,) = find_maps(machine, strokes)
-    expected = np.array([triangle(q) for q in shown.strokes[0]])
-    assert shown.forces == pytest.approx(expected[:, 0], rel=1e-9)
-    assert shown.levers == pytest.approx(expected[:, 1], rel=1e-6)
+    (force_map,) = find_maps(machine, strokes)
+    expected = np.array([triangle(q) for q in force_map.strokes[0]])
+    assert force_map.forces == pytest.approx(expected[:, 0], rel=1e-9)
+    assert force_map.levers == pytest.approx(expected[:, 1], rel=1e-6)
     (extreme,) = find_extremes(machine, strokes)
     fine = [triangle(q)[0] for q in np.linspace(0.0, STROKE, 401)]
     assert (extreme.lowest, extreme.highest) == pytest.approx((min(fine), max(fine)), rel=1e-12)
@@ -83,7 +83,7 @@ def test_maps_are_over_the_two_strokes_that_matter() -> None:
     machine = MachineModel(load_machine("hdrm"))
     strokes = find_workspace(machine).strokes
     maps = find_maps(machine, strokes)
-    assert all(shown.forces.shape == (41, 41) for shown in maps)
+    assert all(force_map.forces.shape == (41, 41) for force_map in maps)
     lift = maps[0]
     row = np.array(machine.start)
     row[list(lift.axes)] = [lift.strokes[0][3], lift.strokes[1][30]]

@@ -138,13 +138,13 @@ def test_options_in_metrics_remove_what_they_are_for(emla: Emla, fmu_folder: Pat
     run = ("run", "lift", "--stop-time", "0.01", "--no-plots", "--output", "o")
     assert emla(*run).exit_code == 0
     listed = json.loads(Path("o/metrics.json").read_text())["joints"]["lift"]["idealised"]
-    given = [
+    arguments = [
         word.replace("VALUE", "1e-4" if entry["name"] == "computing delay" else "1e-9")
         for entry in listed
         if entry["name"] not in RIGID
         for word in entry["option"].split()
     ]
-    changed = emla(*run, *given)
+    changed = emla(*run, *arguments)
     assert changed.exit_code == 0, changed.output
     assert line_of(changed.stdout).startswith(
         "Idealised: rigid, no backlash (typical values: study-compliant; "
@@ -155,7 +155,7 @@ def test_options_in_metrics_remove_what_they_are_for(emla: Emla, fmu_folder: Pat
     )
     plant = fmu_path("EmlaCompliantPlant", "native", fmu_folder)
     backlash = ("--set", "lift.plant.transmission.backlash=1e-6")
-    replaced = emla(*run, *given, "--replace", f"lift.plant={plant}", *backlash)
+    replaced = emla(*run, *arguments, "--replace", f"lift.plant={plant}", *backlash)
     assert replaced.exit_code == 0, replaced.output
     assert "Idealised" not in replaced.stdout
 

@@ -30,9 +30,9 @@ def read(text: str, name: str = "slew") -> JointFile:
 
 def without(text: str, *lines: str) -> str:
     """Return the text without the lines that begin so."""
-    kept = [line for line in text.splitlines() if not line.startswith(lines)]
-    assert len(kept) == len(text.splitlines()) - len(lines)
-    return "\n".join(kept)
+    remaining = [line for line in text.splitlines() if not line.startswith(lines)]
+    assert len(remaining) == len(text.splitlines()) - len(lines)
+    return "\n".join(remaining)
 
 
 def without_table(text: str, name: str) -> str:
@@ -66,17 +66,17 @@ def test_copied_joint_has_the_values_of_its_model(controller: str, slew: Path) -
     for gains in CONTROLLERS[controller].gains:
         tilt = ec.load("tilt", controller=controller, gains=gains)
         copy = ec.load(slew, controller=controller, gains=gains)
-        for found, expected in ((copy.system.components, tilt.system.components),
+        for actual, expected in ((copy.system.components, tilt.system.components),
                                 (copy.system.connections, tilt.system.connections)):  # fmt: skip
-            assert [repr(x).replace("slew", "tilt") for x in found] == list(map(repr, expected))
+            assert [repr(x).replace("slew", "tilt") for x in actual] == list(map(repr, expected))
 
 
 def test_scenario_file_names_a_joint_file(slew: Path) -> None:
     scenario = slew.with_name("fast.toml")
     scenario.write_text('system = "slew.toml"\ncontroller = "foc"\nstop_time = 0.1\n')
-    loaded = ec.load(scenario)
-    assert loaded.options.stop_time == 0.1 and loaded.options.step_size == 1e-4
-    assert {c.name for c in loaded.system.components} >= {"slew.plant", "slew.controller"}
+    scenario_ = ec.load(scenario)
+    assert scenario_.options.stop_time == 0.1 and scenario_.options.step_size == 1e-4
+    assert {c.name for c in scenario_.system.components} >= {"slew.plant", "slew.controller"}
 
 
 @pytest.mark.slow
@@ -97,11 +97,11 @@ assert joints == {"lift", "tilt", "telescope"}, joints
 print(ec.__file__)
 """
     env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path / "orchestration"), str(ROOT / "src")])}
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", program], env=env, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr
-    assert str(tmp_path) in done.stdout
+    assert process.returncode == 0, process.stderr
+    assert str(tmp_path) in process.stdout
 
 
 # ---- gains are needed only for the controller that is chosen -----------------------------------------
@@ -110,8 +110,8 @@ print(ec.__file__)
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_missing_gains_are_named_for_that_controller_only(controller: str, slew: Path) -> None:
     slew.write_text(without_table(TILT, f"gains.{controller}"))
-    for name, other in CONTROLLERS.items():
-        for gains in other.gains:
+    for name, controller_ in CONTROLLERS.items():
+        for gains in controller_.gains:
             if name != controller:
                 assert ec.load(slew, controller=name, gains=gains)
                 continue
@@ -138,8 +138,8 @@ def test_block_without_gains_takes_an_observer_of_the_joint(slew: Path) -> None:
 
 def test_gains_of_python_that_leave_out_the_joint_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     tilt = load_joint("tilt")
-    own = tilt.gain_set("foc", "tuned")
-    gains = ec.Gains({"tilt": own.observer.gains}, {"tilt": own.controller})
+    gain_set = tilt.gain_set("foc", "tuned")
+    gains = ec.Gains({"tilt": gain_set.observer.gains}, {"tilt": gain_set.controller})
     monkeypatch.setitem(ec.CONTROLLERS, "mine", ec.Controller(CONTROLLERS["foc"].model, {"own": gains}))
     (k_p,) = (values["k_p"] for values in parameters(ec.load("tilt", controller="mine")) if "k_p" in values)
     assert k_p == 415.0
@@ -262,26 +262,26 @@ def test_quantities_can_have_other_units() -> None:
     assert read(TILT.replace("level = 25e3", 'level = "25 kN"')).load.level == (25e3,)
 
 
-def _entries(content: Any, place: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+def _entries(content: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     inner = content.items() if isinstance(content, dict) else enumerate(content)
-    found = []
+    actual = []
     for key, value in inner:
-        found += _entries(value, (*place, key)) if isinstance(value, (dict, list)) else [(*place, key)]
-    return found
+        actual += _entries(value, (*path, key)) if isinstance(value, (dict, list)) else [(*path, key)]
+    return actual
 
 
 @pytest.mark.parametrize("odd", mostly_slow([10**400, -(10**400), "nan", -1, "", True], ["nan"]))
 def test_odd_value_in_any_entry_is_used_or_refused(odd: Any) -> None:
-    for place in _entries(tomllib.loads(read_joint_text("tilt"))):
+    for path in _entries(tomllib.loads(read_joint_text("tilt"))):
         content = tomllib.loads(read_joint_text("tilt"))
         inner: Any = content
-        for key in place[:-1]:
+        for key in path[:-1]:
             inner = inner[key]
-        inner[place[-1]] = math.nan if odd == "nan" else odd
+        inner[path[-1]] = math.nan if odd == "nan" else odd
         try:
             parse_joint(content, "the joint file", "tilt", Path())
         except ec.CommandError as error:
-            assert "the joint file" in str(error), place
+            assert "the joint file" in str(error), path
 
 
 def test_deeply_nested_actuator_file_is_refused(tmp_path: Path) -> None:
@@ -307,10 +307,10 @@ level = 1e3
 def test_motion_of_an_experiment_peaks_at_its_speed_and_repeats() -> None:
     """A quintic move of d in T peaks at 15 d / (8 T): 3.75 s for each of two moves, then dwells of 0.25 s."""
     task = read(TILT + EXPERIMENT).experiment("one")
-    found = task.reference.parameters()
-    assert found["duration"][:2] == pytest.approx([3.75, 3.75])
-    assert found["start"][:2] == pytest.approx([0.0, 4.0])
-    assert (found["x"][:3], found["x"][-1], found["period"]) == ([0.3, 0.4, 0.3], 0.3, 8.0)
+    actual = task.reference.parameters()
+    assert actual["duration"][:2] == pytest.approx([3.75, 3.75])
+    assert actual["start"][:2] == pytest.approx([0.0, 4.0])
+    assert (actual["x"][:3], actual["x"][-1], actual["period"]) == ([0.3, 0.4, 0.3], 0.3, 8.0)
     assert task.load.level == (1e3,)
 
 

@@ -42,14 +42,14 @@ def test_trip_is_reported_first(emla: Emla, tmp_path: Path) -> None:
     assert first.startswith("tilt tripped on its speed at t = 0.03")
     assert first.endswith(" m/s, beyond 0.105 m/s (limit 0.1 m/s).")
     assert second.startswith("tilt has not settled: its position error was 9 mm at the start and was ")
-    found = tilt_of("results/tilt")
-    trip, limit = found["trip"], EMLAS["tilt"].v_max
+    actual = tilt_of("results/tilt")
+    trip, limit = actual["trip"], EMLAS["tilt"].v_max
     table = open_stored_run(tmp_path / "results/tilt/results.csv").read(["time", "tilt.plant.v_L"])
     row = np.flatnonzero(np.abs(table["tilt.plant.v_L"]) > 1.05 * limit)[0]
     assert (trip["signal"], trip["time_s"]) == ("tilt.plant.v_L", table["time"][row])
     assert trip["value"] == table["tilt.plant.v_L"][row]
     assert trip["threshold"] == pytest.approx(1.05 * limit) and trip["limit"] == limit
-    assert found["held"] is False and found["settling_time_s"] is None
+    assert actual["held"] is False and actual["settling_time_s"] is None
     cells = [[cell.strip() for cell in line.split("│")] for line in result.stdout.splitlines()]
     rows = {row[1]: row[2] for row in cells if len(row) > 2}
     assert rows["held"] == "no" and rows["settling time"] == "none"
@@ -103,9 +103,9 @@ def test_published_gains_trip_every_joint(emla: Emla) -> None:
     result = emla("run", "published", "--no-plots", "--output", "o")
     assert result.exit_code == 0
     joints = json.loads(Path("o/metrics.json").read_text())["joints"]
-    for joint, found in joints.items():
-        assert found["held"] is False and found["trip"] is not None
-        assert found["convergence_time_s"] is None
+    for joint, actual in joints.items():
+        assert actual["held"] is False and actual["trip"] is not None
+        assert actual["convergence_time_s"] is None
         assert f"{joint} tripped on its " in result.stdout
     table = result.stdout[result.stdout.index("│") :]
     assert " m " in table and "e+" not in table
@@ -113,12 +113,12 @@ def test_published_gains_trip_every_joint(emla: Emla) -> None:
 
 def test_trip_is_the_same_after_a_resume(emla: Emla) -> None:
     run = ("run", "tilt", *BELOW, "--no-plots")
-    whole = emla(*run, "--stop-time", "0.4", "--output", "whole")
+    uninterrupted = emla(*run, "--stop-time", "0.4", "--output", "whole")
     for first in ("0.02", "0.35"):  # before it, and after
         begun = emla(*run, "--stop-time", first, "--checkpoint", "c", "--output", "parts")
         assert begun.exit_code == 0, begun.output
         continued = emla(*run, "--stop-time", "0.4", "--resume", "c", "--output", "parts")
-        assert continued.stdout.splitlines()[:2] == whole.stdout.splitlines()[:2]
+        assert continued.stdout.splitlines()[:2] == uninterrupted.stdout.splitlines()[:2]
         assert tilt_of("parts") == tilt_of("whole")
 
 
@@ -133,20 +133,20 @@ def test_first_trip_does_not_depend_on_blocks_of_rows(seed: int, size: float, cu
     rows[random.integers(0, 60), random.integers(1, 5)] = np.nan
     bounds, thresholds = np.array([1.0, 2.0, 3.0, 3.0]), np.array([1.001, 2.1, 3.3, 3.3])
     tripping = ~(np.abs(rows[:, 1:5]) <= thresholds)
-    row, place = np.argwhere(tripping)[0]
+    row, column_number = np.argwhere(tripping)[0]
     metrics, start = JointMetrics(NAMES, LIMITS), 0
     while start < len(rows):
         size_ = cuts[start % len(cuts)]
         metrics.write(rows[start : start + size_])
         start += size_
-        again = JointMetrics(NAMES, LIMITS)
-        again.remember(json.loads(json.dumps(metrics.memory())))
-        metrics = again
+        restored = JointMetrics(NAMES, LIMITS)
+        restored.remember(json.loads(json.dumps(metrics.memory())))
+        metrics = restored
     figures = metrics.figures()["j"]
     trip = figures["trip"]
-    assert (trip["signal"], trip["time_s"]) == (NAMES[place], rows[row, 0])
-    assert np.array_equal(trip["value"], rows[row, 1 + place], equal_nan=True)
-    assert abs(trip["limit"]) == bounds[place]
+    assert (trip["signal"], trip["time_s"]) == (NAMES[column_number], rows[row, 0])
+    assert np.array_equal(trip["value"], rows[row, 1 + column_number], equal_nan=True)
+    assert abs(trip["limit"]) == bounds[column_number]
     before = np.abs(rows[:row, 1:5])
     expected = {NAMES[i]: before[:, i].max() for i in range(4) if (before[:, i] > bounds[i]).any()}
     assert {t["signal"]: abs(t["value"]) for t in figures["limits_touched"]} == expected
@@ -176,7 +176,7 @@ HOLDS = 0.9 * 2.0 * math.pi * 0.8 / (0.5 * 0.01)
 """The load in N that it can hold."""
 
 
-def judged(load: float, speed: float, torque: float, **parameters: float) -> JointMetrics:
+def evaluate(load: float, speed: float, torque: float, **parameters: float) -> JointMetrics:
     """Metrics of a joint at rest, whose last row has another speed and torque."""
     rows = np.zeros((5, 9))
     rows[:, 0] = np.arange(5) * 0.1
@@ -194,23 +194,23 @@ def judged(load: float, speed: float, torque: float, **parameters: float) -> Joi
 )
 def test_trip_names_a_load_beyond_the_motor(factor: float, directional: float, is_cause: bool) -> None:
     """With losses that oppose the motion there are none at rest, so the motor holds a quarter more."""
-    metrics = judged(factor * HOLDS, 5.0, 0.0, gearbox__directional=directional)
-    found = metrics.figures()["j"]
-    assert found["trip"]["signal"] == "j.plant.v_L"
-    assert bool(found["trip"]["cause"]) is is_cause
-    assert ("which makes 0.9 N m at the most." in found["reason"]) is is_cause
+    metrics = evaluate(factor * HOLDS, 5.0, 0.0, gearbox__directional=directional)
+    actual = metrics.figures()["j"]
+    assert actual["trip"]["signal"] == "j.plant.v_L"
+    assert bool(actual["trip"]["cause"]) is is_cause
+    assert ("which makes 0.9 N m at the most." in actual["reason"]) is is_cause
     if is_cause:
         torque = abs(factor) * 0.9 * (0.8 if directional else 1.0)
-        assert f"takes {torque:.4g} N m of the motor at rest" in found["reason"]
-    assert judged(factor * HOLDS, 0.0, 0.0).figures()["j"]["trip"] is None  # a load alone is no trip
+        assert f"takes {torque:.4g} N m of the motor at rest" in actual["reason"]
+    assert evaluate(factor * HOLDS, 0.0, 0.0).figures()["j"]["trip"] is None  # a load alone is no trip
 
 
 def test_ideal_drives_trip_on_the_demanded_torque() -> None:
     """Their currents say nothing; with a drive, the torque follows from currents, which trip."""
     for torque, trips in ((0.98, False), (1.0, True), (-1.0, True)):
-        ideal = judged(0.0, 0.0, torque, use_commanded_current=1.0).figures()["j"]
+        ideal = evaluate(0.0, 0.0, torque, use_commanded_current=1.0).figures()["j"]
         assert (ideal["trip"] is not None) is trips
-        assert judged(0.0, 0.0, torque).figures()["j"]["trip"] is None
+        assert evaluate(0.0, 0.0, torque).figures()["j"]["trip"] is None
         if trips:
             assert ideal["trip"]["what"] == "demanded torque"
             assert ideal["trip"]["limit"] == pytest.approx(math.copysign(0.9, torque))

@@ -27,8 +27,8 @@ STIFFNESS, FORCE = 104461742.9276628, 57e3
 def motor(fmu_folder: Path) -> Iterator[ec.Simulation]:
     with ec.load(
         "study-compliant", fmus=fmu_folder, stop_time=0.8, notch={"lift": "20 Hz"}
-    ).prepare() as made:
-        yield made
+    ).prepare() as simulation:
+        yield simulation
 
 
 @pytest.fixture(scope="module")
@@ -193,12 +193,12 @@ def test_assumed_load_force_is_reported_with_its_effect(result: ec.Result, fmu_f
         idealised = simulation.run(recorders=[]).metrics["joints"]["lift"]["idealised"]
     assert f"{2.0 * micrometres:.4g} µm" in next(x["label"] for x in idealised if x["name"] == "load force")
     for sensors in ("none", "sensor"):
-        loaded = ec.load("study-compliant", fmus=fmu_folder, stop_time=1e-3, load_control=sensors)
-        with loaded.prepare() as simulation:
-            other = simulation.run(recorders=[])
-        assert "load force" not in {x["name"] for x in other.metrics["joints"]["lift"]["idealised"]}
+        scenario = ec.load("study-compliant", fmus=fmu_folder, stop_time=1e-3, load_control=sensors)
+        with scenario.prepare() as simulation:
+            rerun = simulation.run(recorders=[])
+        assert "load force" not in {x["name"] for x in rerun.metrics["joints"]["lift"]["idealised"]}
         if sensors == "sensor":
-            assert "lift.plant.load.sensor.seed" in find_seeds(other.parameters)
+            assert "lift.plant.load.sensor.seed" in find_seeds(rerun.parameters)
 
 
 def test_screw_that_does_not_follow_its_command_is_reported_with_its_name(motor: ec.Simulation) -> None:
@@ -221,8 +221,10 @@ def test_measured_motion_reaches_the_load(fmu_folder: Path) -> None:
     columns = {"x_d": "x", "v_d": "der(x)", "a_d": "der(der(x))"}
     signals = {f"lift.reference.{name}": ec.Column(text) for name, text in columns.items()}
     motion = ec.Input(data={"time": time, "x": x}, signals=signals, interpolation="cubic")
-    loaded = ec.load("study-compliant", fmus=fmu_folder, input=[motion], stop_time=1.0, notch={"lift": 20.0})
-    with loaded.prepare() as simulation:
+    scenario = ec.load(
+        "study-compliant", fmus=fmu_folder, input=[motion], stop_time=1.0, notch={"lift": 20.0}
+    )
+    with scenario.prepare() as simulation:
         figures = simulation.run(recorders=[]).metrics
     assert figures["joints"]["lift"]["held"] and figures["loads"]["lift"]["load_position_error_m"] < 10e-6
 

@@ -14,7 +14,7 @@ STEP = 1e-3
 LOAD = WatchedLoad("j", [1, 2, 3, 4], correction=5, limit=1e-3)  # x_load, x_L, x_s, x_c
 
 
-def judged(
+def evaluate(
     load: Any,
     screw: Any = 0.0,
     stop: float = 2.0,
@@ -28,12 +28,12 @@ def judged(
     time = start + STEP * np.arange(round(stop / STEP) + 1)
     signals: tuple[Any, ...] = (load, screw, 0.0, command, correction)
     values: list[Any] = [f(time) if callable(f) else np.full(len(time), f) for f in signals]
-    given = {f"j.{name}": value for name, value in criteria.items()}
-    metrics = LoadMetrics([LOAD], given)
+    criteria_values = {f"j.{name}": value for name, value in criteria.items()}
+    metrics = LoadMetrics([LOAD], criteria_values)
     for rows in np.array_split(np.column_stack([time, *values]), pieces):
-        memory = json.loads(json.dumps(metrics.memory()))
-        metrics = LoadMetrics([LOAD], given)
-        metrics.remember(memory)
+        state = json.loads(json.dumps(metrics.memory()))
+        metrics = LoadMetrics([LOAD], criteria_values)
+        metrics.remember(state)
         metrics.write(rows)
     return dict(metrics.figures()["j"]), metrics
 
@@ -41,20 +41,20 @@ def judged(
 @pytest.mark.parametrize(("pieces", "start"), [(1, 0.0), (7, 5.0)])
 def test_load_and_screw_are_judged_separately(start: float, pieces: int) -> None:
     """A load that sags by 0.87 mm is within a window of 1 mm, and outside of one of 0.5 mm."""
-    found, metrics = judged(-0.87e-3, start=start, pieces=pieces)
+    actual, metrics = evaluate(-0.87e-3, start=start, pieces=pieces)
     assert (
-        found["load_within_window"] is True and found["load_reason"] is None and metrics.reason("j") is None
+        actual["load_within_window"] is True and actual["load_reason"] is None and metrics.reason("j") is None
     )
-    assert found["load_settling_time_s"] == 0.0
-    assert found["load_position_error_m"] == found["load_deflection_m"] == pytest.approx(0.87e-3)
-    assert found["load_swing_m"] == 0.0
-    found, metrics = judged(-0.87e-3, start=start, pieces=pieces, position_window=0.5e-3)
-    assert found["load_within_window"] is False and metrics.reason("j") == found["load_reason"]
-    assert found["load_reason"] == (
+    assert actual["load_settling_time_s"] == 0.0
+    assert actual["load_position_error_m"] == actual["load_deflection_m"] == pytest.approx(0.87e-3)
+    assert actual["load_swing_m"] == 0.0
+    actual, metrics = evaluate(-0.87e-3, start=start, pieces=pieces, position_window=0.5e-3)
+    assert actual["load_within_window"] is False and metrics.reason("j") == actual["load_reason"]
+    assert actual["load_reason"] == (
         "The load of j has not settled: its position error was 870 µm at the start and is 870 µm at the end; "
         "its window is 500 µm."
     )
-    assert np.isnan(found["load_settling_time_s"])
+    assert np.isnan(actual["load_settling_time_s"])
 
 
 def test_load_that_leaves_its_window_after_it_has_settled() -> None:
@@ -63,23 +63,23 @@ def test_load_that_leaves_its_window_after_it_has_settled() -> None:
     def load(t: np.ndarray) -> np.ndarray:
         return np.where(t < 0.6, 3e-3, np.where(np.abs(t - 1.5) < 0.02, -1.3e-3, 1e-4))
 
-    found, metrics = judged(load, pieces=3)
-    assert found["load_within_window"] is False and found["load_settling_time_s"] == pytest.approx(0.6)
-    assert metrics.reason("j") == found["load_reason"]
-    assert found["load_reason"].startswith(
+    actual, metrics = evaluate(load, pieces=3)
+    assert actual["load_within_window"] is False and actual["load_settling_time_s"] == pytest.approx(0.6)
+    assert metrics.reason("j") == actual["load_reason"]
+    assert actual["load_reason"].startswith(
         "The load of j left the position window of 1 mm: its position error"
     )
-    assert found["load_reason"].endswith("was largest at t = 1.481 s, 1.3 mm.")
-    assert found["load_position_error_m"] == pytest.approx(1.3e-3)
-    found, _ = judged(lambda t: np.where(t < 0.6, 3e-3, 1e-4), pieces=3)
-    assert found["load_within_window"] is True and found["load_settling_time_s"] == pytest.approx(0.6)
+    assert actual["load_reason"].endswith("was largest at t = 1.481 s, 1.3 mm.")
+    assert actual["load_position_error_m"] == pytest.approx(1.3e-3)
+    actual, _ = evaluate(lambda t: np.where(t < 0.6, 3e-3, 1e-4), pieces=3)
+    assert actual["load_within_window"] is True and actual["load_settling_time_s"] == pytest.approx(0.6)
 
 
 def test_swinging_load_is_outside_its_window() -> None:
-    found, _ = judged(lambda t: 0.2e-3 + 1.0e-3 * np.sin(2.0 * np.pi * t), pieces=5)
-    assert found["load_within_window"] is False and "1.2 mm" in found["load_reason"]
-    assert found["load_swing_m"] == pytest.approx(2e-3)
-    assert found["load_position_error_m"] == pytest.approx(1.2e-3)
+    actual, _ = evaluate(lambda t: 0.2e-3 + 1.0e-3 * np.sin(2.0 * np.pi * t), pieces=5)
+    assert actual["load_within_window"] is False and "1.2 mm" in actual["load_reason"]
+    assert actual["load_swing_m"] == pytest.approx(2e-3)
+    assert actual["load_position_error_m"] == pytest.approx(1.2e-3)
 
 
 def test_errors_before_settling_do_not_count() -> None:
@@ -88,22 +88,22 @@ def test_errors_before_settling_do_not_count() -> None:
     def screw(t: np.ndarray) -> np.ndarray:
         return np.where(t < 0.8, 5e-3, 0.0)
 
-    found, _ = judged(lambda t: screw(t) + 0.1e-3, screw, pieces=7)
-    assert found["load_within_window"] is True
-    assert found["load_position_error_m"] == pytest.approx(0.1e-3)
+    actual, _ = evaluate(lambda t: screw(t) + 0.1e-3, screw, pieces=7)
+    assert actual["load_within_window"] is True
+    assert actual["load_position_error_m"] == pytest.approx(0.1e-3)
 
 
 @pytest.mark.parametrize(("pieces", "since"), [(1, 0.0), (5, 1.25)])
 def test_load_without_a_finite_position(pieces: int, since: float) -> None:
-    found, metrics = judged(lambda t: np.where(t >= since, np.nan, 1e-5), pieces=pieces)
-    assert found["load_within_window"] is False
-    assert found["load_reason"] == f"The load of j has no finite position error from t = {since:.6g} s on."
-    assert metrics.reason("j") == found["load_reason"]
+    actual, metrics = evaluate(lambda t: np.where(t >= since, np.nan, 1e-5), pieces=pieces)
+    assert actual["load_within_window"] is False
+    assert actual["load_reason"] == f"The load of j has no finite position error from t = {since:.6g} s on."
+    assert metrics.reason("j") == actual["load_reason"]
 
 
 def test_screw_is_compared_with_its_command_and_load_with_its_reference() -> None:
     """The screw is 3 mm ahead of a load that is where it is to be."""
-    figures, _ = judged(1e-5, screw=3e-3, command=3e-3, pieces=3)
+    figures, _ = evaluate(1e-5, screw=3e-3, command=3e-3, pieces=3)
     assert figures["load_within_window"] is True and figures["load_evaluated_from_s"] == pytest.approx(0.3)
     assert figures["load_position_error_m"] == pytest.approx(1e-5)
     assert figures["load_deflection_m"] == pytest.approx(3e-3 - 1e-5)
@@ -111,24 +111,24 @@ def test_screw_is_compared_with_its_command_and_load_with_its_reference() -> Non
 
 @pytest.mark.parametrize("pieces", [1, 5])
 def test_feedback_at_its_limit_is_reported(pieces: int) -> None:
-    _, metrics = judged(0.0, correction=lambda t: np.where(t < 0.5, 0.0, -1e-3), pieces=pieces)
+    _, metrics = evaluate(0.0, correction=lambda t: np.where(t < 0.5, 0.0, -1e-3), pieces=pieces)
     (remark,) = metrics.remarks()
     assert "limit of 1 mm at t = 0.5 s" in remark and "j.command.feedback.limit" in remark
-    _, metrics = judged(0.0, correction=0.999e-3)
+    _, metrics = evaluate(0.0, correction=0.999e-3)
     assert metrics.remarks() == []
 
 
 def test_load_on_an_unsettled_screw() -> None:
-    found, metrics = judged(3e-3, screw=3e-3)
-    assert found["load_within_window"] is False and found["load_reason"] == "j has not settled."
+    actual, metrics = evaluate(3e-3, screw=3e-3)
+    assert actual["load_within_window"] is False and actual["load_reason"] == "j has not settled."
     assert metrics.reason("j") is None  # the joint's own reason says it
 
 
 def test_short_runs_have_no_verdict() -> None:
-    found, metrics = judged(0.0, stop=0.3)
-    assert found["load_within_window"] is False and found["load_reason"].startswith("too short")
+    actual, metrics = evaluate(0.0, stop=0.3)
+    assert actual["load_within_window"] is False and actual["load_reason"].startswith("too short")
     assert "load_within_window" not in [figure.name for figure in metrics.shown]
-    found, metrics = judged(0.0)
+    actual, metrics = evaluate(0.0)
     assert next(figure.name for figure in metrics.shown) == "load_within_window"
     metrics.ended_early("it ended.")
     ended = metrics.figures()["j"]
@@ -137,7 +137,7 @@ def test_short_runs_have_no_verdict() -> None:
 
 def test_requirements_find_metrics_of_loads() -> None:
     """`--require` and sweeps find both by joint and name."""
-    kinds = {"joints": {"j": {"position_error_m": 1.0, "held": True}}, "loads": {"j": judged(0.5e-3)[0]}}
+    kinds = {"joints": {"j": {"position_error_m": 1.0, "held": True}}, "loads": {"j": evaluate(0.5e-3)[0]}}
     flat = {name: figure.value for name, figure in list_figures(kinds).items()}
     assert flat["j.position_error_m"] == 1.0 and flat["j.held"] is True
     assert flat["j.load_position_error_m"] == pytest.approx(0.5e-3) and flat["j.load_within_window"] is True

@@ -69,10 +69,10 @@ def test_robust_gains_keep_table_vi(fmu_folder: Path) -> None:
 
 def check_table_vi(result: ec.Result) -> None:
     for joint in JOINTS:
-        printed, found = TABLE_VI.cells["study", joint]["rsba"], result.metrics["joints"][joint]
+        printed, actual = TABLE_VI.cells["study", joint]["rsba"], result.metrics["joints"][joint]
         for name, limit in msgspec.structs.asdict(printed).items():
-            assert 0.0 < found[name] < limit, (joint, name)
-        assert found["held"] and found["saturated_after_settling"] == 0.0
+            assert 0.0 < actual[name] < limit, (joint, name)
+        assert actual["held"] and actual["saturated_after_settling"] == 0.0
 
 
 # ---- forces and wiring -------------------------------------------------------------------------
@@ -124,10 +124,10 @@ def test_divergence_of_late_forces_is_explained(coupled: Simulation, algorithm: 
     for step in (1e-4, 2.5e-5):
         result = coupled.attempt(algorithm=algorithm, step_size=step, stop_time=0.1)
         assert result.end_s < 0.01
-        told = str(result.problem)
-        assert "telescope.plant.a_L" in told and "machine.manipulator.F_L[3]" in told
-        assert "controller" not in told
-        assert "spectral radius" in told and "Use the algorithm strong" in told
+        message = str(result.problem)
+        assert "telescope.plant.a_L" in message and "machine.manipulator.F_L[3]" in message
+        assert "controller" not in message
+        assert "spectral radius" in message and "Use the algorithm strong" in message
 
 
 # ---- roles -------------------------------------------------------------------------------------
@@ -149,8 +149,8 @@ def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
                 assert name is not None and (name.startswith(f"{joint}.") or name.endswith(f"[{i}]"))
     errors = {joint: result.metrics["joints"][joint]["position_error_m"] for joint in JOINTS}
     late = result.time >= 0.3
-    found = np.abs(column(result, "x_L") - column(result, "x_d"))[late].max(axis=0)
-    assert found == pytest.approx(list(errors.values()), rel=1e-9)
+    actual = np.abs(column(result, "x_L") - column(result, "x_d"))[late].max(axis=0)
+    assert actual == pytest.approx(list(errors.values()), rel=1e-9)
     assert find_variable("tilt", "tau_m", result.names) == "tilt.motor.tau_m"
     tracked = find_tracked_joints(result.names, result.roles)["tilt"]
     assert tracked == ("machine.plant.x_L[2]", "machine.trajectory.x_d[2]")

@@ -23,7 +23,7 @@ from tests.support.manipulator_geometry import HDRM, Manipulator, joint_angles, 
 
 STROKES = np.random.default_rng(3).uniform(HDRM.q_LB, HDRM.q_UB, (40, 3))
 
-OTHERS = (
+OTHER_MACHINES = (
     HDRM,
     replace(HDRM, lift_length=1.2, reach=2.4),
     replace(HDRM, lift_delta=math.radians(-110.0), tilt_epsilon=math.radians(10.0)),
@@ -120,7 +120,7 @@ def test_platform_in_space_is_drawn_in_all_views() -> None:
     assert order.index("payload") > order.index("platform") > order.index("leg_1 rod")
 
 
-@pytest.mark.parametrize("p", OTHERS)
+@pytest.mark.parametrize("p", OTHER_MACHINES)
 def test_the_workspace_has_every_point_that_the_tip_reaches(p: Manipulator) -> None:
     strokes = np.random.default_rng(5).uniform(p.q_LB, p.q_UB, (3000, 3))
     corners = product(*zip(p.q_LB, p.q_UB, strict=True))
@@ -129,12 +129,12 @@ def test_the_workspace_has_every_point_that_the_tip_reaches(p: Manipulator) -> N
     workspace = find_workspace(model_of(p))
     area = Path.make_compound_path(*(Path(line, closed=True) for line in workspace.areas(PLANE)))
     pixel = np.ptp(tips, axis=0).max() / 700
-    found = [area.contains_points(tips, radius=r) for r in (2.0 * pixel, -2.0 * pixel)]  # outwards is one
-    assert np.logical_or(*found).all()
+    is_inside = [area.contains_points(tips, radius=r) for r in (2.0 * pixel, -2.0 * pixel)]  # outwards is one
+    assert np.logical_or(*is_inside).all()
     assert workspace.unreachable == 0.0
 
 
-@pytest.mark.parametrize("p", OTHERS)
+@pytest.mark.parametrize("p", OTHER_MACHINES)
 def test_the_tip_reaches_every_point_of_the_boundary(p: Manipulator) -> None:
     lines = find_workspace(model_of(p)).areas(PLANE)
     angles = np.array([joint_angles(p, q) for q in (p.q_LB, p.q_UB)])
@@ -193,10 +193,10 @@ def test_tip_without_a_payload_is_the_last_point() -> None:
     )
     assert machine.payload is None
     model = MachineModel(machine)
-    here = model.tip(np.array([model.start]))[0]
-    assert here == pytest.approx([2.0 * math.cos(0.3), 2.0 * math.sin(0.3)])
-    loaded = MachineModel(replace(machine, payload=Payload("boom.end", 5.0)))
-    assert loaded.tip(np.array([model.start]))[0] == pytest.approx(here)
+    tip = model.tip(np.array([model.start]))[0]
+    assert tip == pytest.approx([2.0 * math.cos(0.3), 2.0 * math.sin(0.3)])
+    with_payload = MachineModel(replace(machine, payload=Payload("boom.end", 5.0)))
+    assert with_payload.tip(np.array([model.start]))[0] == pytest.approx(tip)
 
 
 def test_what_swings_freely_hangs_at_rest() -> None:

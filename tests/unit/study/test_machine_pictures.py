@@ -24,25 +24,25 @@ from tests.support.tiers import mostly_slow
 assert ec.load, "registers what is drawn"
 
 
-def moved(result: Result) -> Movement:
-    found = read_movement(result, result.read(["time", *recorded_signals(result)]))
-    assert found is not None
-    return found
+def read_run_movement(result: Result) -> Movement:
+    actual = read_movement(result, result.read(["time", *recorded_signals(result)]))
+    assert actual is not None
+    return actual
 
 
 def drawn(result: Result, folder: Path) -> set[str]:
     """The pictures of a machine among those that were drawn."""
-    found = [(f"{name}.png", figure) for name, figure in figures(result) if figure and name not in BY_UNIT]
-    for name, figure in found:
+    actual = [(f"{name}.png", figure) for name, figure in figures(result) if figure and name not in BY_UNIT]
+    for name, figure in actual:
         with (folder / name).open("wb") as stream:
             save(figure, stream)
-    return {name for name, _ in found}
+    return {name for name, _ in actual}
 
 
 def film(result: Result) -> MachineFilm:
-    found = MachineAnimation().film(result)
-    assert isinstance(found, MachineFilm)
-    return found
+    actual = MachineAnimation().film(result)
+    assert isinstance(actual, MachineFilm)
+    return actual
 
 
 @pytest.mark.parametrize("merged", [False, True])
@@ -64,10 +64,10 @@ def test_joints_are_drawn_as_in_the_paper(name: str, signals: tuple[str, str]) -
     assert set(signals) <= set(picture.signals(run))
     figure = picture.drawn(run, run.read(["time", *picture.signals(run)]))
     assert figure is not None
-    shown = [line for axes in figure.axes for line in axes.lines]
+    lines = [line for axes in figure.axes for line in axes.lines]
     for signal, scales in zip(signals, ((1e-3, 1.0), (1.0, 1e3)), strict=True):
         late = run[signal][run.time >= 0.3]
-        drawn = [np.asarray(line.get_ydata())[-len(late) :] for line in shown]
+        drawn = [np.asarray(line.get_ydata())[-len(late) :] for line in lines]
         assert any(np.allclose(y, scale * late) for y in drawn for scale in scales)
 
 
@@ -80,17 +80,17 @@ MISSING = [
 ]
 
 
-@pytest.mark.parametrize(("lost", "pictures"), mostly_slow(MISSING, MISSING[-2:]))
-def test_missing_signals_leave_out_their_part(lost: str, pictures: set[str], tmp_path: Path) -> None:
-    assert drawn(replayed(leave_out=tuple(lost.split())), tmp_path) == pictures
+@pytest.mark.parametrize(("missing", "pictures"), mostly_slow(MISSING, MISSING[-2:]))
+def test_missing_signals_leave_out_their_part(missing: str, pictures: set[str], tmp_path: Path) -> None:
+    assert drawn(replayed(leave_out=tuple(missing.split())), tmp_path) == pictures
 
 
 def test_joints_without_a_machine_have_no_machine_pictures(tmp_path: Path) -> None:
     run = replayed()
     columns = {f"lift.{n}.{x}": run["lift.plant.x_L"] for n, x in (("plant", "x_L"), ("reference", "x_d"))}
-    alone = replace(result_of(run.time, columns, {}, {}), metrics={"joints": {"lift": {}}})
-    assert all(not list(picture.signals(alone)) for picture in MACHINE_FIGURES.values())
-    assert "manipulator.png" not in drawn(alone, tmp_path)
+    single_joint = replace(result_of(run.time, columns, {}, {}), metrics={"joints": {"lift": {}}})
+    assert all(not list(picture.signals(single_joint)) for picture in MACHINE_FIGURES.values())
+    assert "manipulator.png" not in drawn(single_joint, tmp_path)
 
 
 def test_unknown_geometry_is_not_drawn(tmp_path: Path) -> None:
@@ -103,29 +103,29 @@ def test_unknown_geometry_is_not_drawn(tmp_path: Path) -> None:
 
 def test_geometry_is_that_of_the_run() -> None:
     longer = replace(HDRM, reach=2.0, q_UB=(0.5, 0.6, 0.9))
-    found = moved(replayed(longer))
-    assert found.machine.q_UB == longer.q_UB
-    assert complex(*found.path[7]) == pytest.approx(points(longer, found.strokes[7])["tip"])
+    actual = read_run_movement(replayed(longer))
+    assert actual.machine.q_UB == longer.q_UB
+    assert complex(*actual.path[7]) == pytest.approx(points(longer, actual.strokes[7])["tip"])
 
 
 def test_strokes_errors_and_forces_are_those_recorded() -> None:
     run = replayed()
-    found = moved(run)
-    assert np.array_equal(found.strokes[:, 1], run["tilt.plant.x_L"])
-    assert found.errors is not None and found.forces is not None
-    assert np.array_equal(found.errors[:, 2], run["telescope.plant.x_L"] - run["machine.trajectory.x_d[3]"])
-    assert np.array_equal(found.forces[:, 0], run["machine.manipulator.F_L[1]"])
+    actual = read_run_movement(run)
+    assert np.array_equal(actual.strokes[:, 1], run["tilt.plant.x_L"])
+    assert actual.errors is not None and actual.forces is not None
+    assert np.array_equal(actual.errors[:, 2], run["telescope.plant.x_L"] - run["machine.trajectory.x_d[3]"])
+    assert np.array_equal(actual.forces[:, 0], run["machine.manipulator.F_L[1]"])
 
 
 def test_payload_is_constant_or_from_its_connection() -> None:
     run = replayed(payload=300.0)
-    assert set(moved(run).payload) == {300.0}
+    assert set(read_run_movement(run).payload) == {300.0}
     fault, half = "machine.manipulator_payload_m_fault.y", np.linspace(470.0, 235.0, len(run.time))
     columns = {name: run[name] for name in run.names} | {fault: half}
     dropped = result_of(run.time, columns, run.parameters, {"machine.manipulator": {}})
-    assert set(moved(dropped).payload) == {470.0}
+    assert set(read_run_movement(dropped).payload) == {470.0}
     record = {**dropped.record, "connections": [f"{fault} -> machine.manipulator.payload.m x 1"]}
-    assert np.array_equal(moved(replace(dropped, record=record)).payload, half)
+    assert np.array_equal(read_run_movement(replace(dropped, record=record)).payload, half)
 
 
 @pytest.mark.parametrize("wrong", [5.0, -3.0, np.inf, np.nan])
@@ -133,45 +133,45 @@ def test_run_is_drawn_until_its_triangles_open(wrong: float) -> None:
     strokes = np.array(replayed()["lift.plant.x_L"])
     strokes[50:] = wrong
     run = replayed(lift=strokes)
-    assert len(moved(run).time) == len(moved(run).path) == 50
+    assert len(read_run_movement(run).time) == len(read_run_movement(run).path) == 50
     assert len(film(run)) == 30
 
 
 @pytest.mark.filterwarnings("error")
 def test_machine_at_rest_is_drawn(tmp_path: Path) -> None:
     still = replayed(lift=0.2, tilt=0.3, telescope=0.4, leave_out=("machine.trajectory",))
-    assert np.ptp(moved(still).path) == np.ptp(moved(still).path[0])
+    assert np.ptp(read_run_movement(still).path) == np.ptp(read_run_movement(still).path[0])
     assert drawn(still, tmp_path) == {"manipulator.png"}
 
 
 def test_instants_are_along_the_path() -> None:
-    found = moved(replayed())
-    rows = select_instants(found)
+    actual = read_run_movement(replayed())
+    rows = select_instants(actual)
     assert len(rows) == INSTANTS
-    assert (rows[0], rows[-1]) == (0, len(found.time) - 1)
-    steps = np.hypot(*np.diff(found.path[rows], axis=0).T)
+    assert (rows[0], rows[-1]) == (0, len(actual.time) - 1)
+    steps = np.hypot(*np.diff(actual.path[rows], axis=0).T)
     assert steps == pytest.approx(steps.mean(), rel=0.1)
 
 
 def test_frames_show_the_run_at_equal_distances_in_time() -> None:
-    found = film(replayed(duration=8.0, rows=801))
-    assert len(found) == 100
-    first, last = found[0], found[99]
+    actual = film(replayed(duration=8.0, rows=801))
+    assert len(actual) == 100
+    first, last = actual[0], actual[99]
     assert first.shape == last.shape == (500, 800, 3)
     assert tuple(first[0, 0]) == tuple(last[0, 0]) == (255, 255, 255)
     assert (first != last).any(axis=2).mean() > 0.01
-    assert np.array_equal(found[0], first)  # whatever was drawn in between
+    assert np.array_equal(actual[0], first)  # whatever was drawn in between
     assert len(film(replayed(duration=1000.0))) == 150
 
 
 def test_frame_shows_the_machine_at_its_time() -> None:
     run = replayed(duration=8.0, rows=801)
-    found = film(run)
+    actual = film(run)
     for index in (0, 37):
-        found[index]
+        actual[index]
         row = round(index / 99 * 800)
         q = [run[f"{joint}.plant.x_L"][row] for joint in ("lift", "tilt", "telescope")]
-        drawn = dict(zip(found.polygons.names, found.polygons.lines, strict=True))
+        drawn = dict(zip(actual.polygons.names, actual.polygons.lines, strict=True))
         payload, *pins = (drawn[n].mean(axis=0) for n in ("payload", "lift first pin", "lift second pin"))
         assert complex(*payload) == pytest.approx(points(HDRM, q)["tip"], abs=1e-4)
         assert np.hypot(*(pins[1] - pins[0])) == pytest.approx(HDRM.lift_L_0 + q[0], abs=1e-4)

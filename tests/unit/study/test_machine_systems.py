@@ -61,8 +61,8 @@ def boom(old: str = "", new: str = "", folder: Path = Path()) -> MachineFile:
 
 
 def test_joint_gives_what_the_machine_leaves_out() -> None:
-    own, sheet = boom().machine.actuators["luff"], load_joint("lift").emla
-    assert (own.m, own.stroke) == (sheet.M_BS, (sheet.q_LB, sheet.q_UB))
+    actuator, sheet = boom().machine.actuators["luff"], load_joint("lift").emla
+    assert (actuator.m, actuator.stroke) == (sheet.M_BS, (sheet.q_LB, sheet.q_UB))
     assert boom().joints["luff"].name == "luff"
 
 
@@ -78,8 +78,8 @@ def test_assembly_pose_beyond_a_stroke_is_no_start() -> None:
     text = BOOM.replace("start = 0.2", "stroke = [0.0, 0.1]").partition("[motion]")[0]
     with pytest.raises(CommandError, match=r"'luff' at 0\.\d+ m, as assembled.*stroke is 0 to 0\.1 m; write"):
         parse_machine_file(tomllib.loads(text), "the machine 'boom.toml'", "boom", Path())
-    moved = text + '[motion]\ntimes = [0, "4 s"]\nstrokes.luff = [0.02, 0.09]\n'
-    parse_machine_file(tomllib.loads(moved), "the machine 'boom.toml'", "boom", Path())
+    with_motion = text + '[motion]\ntimes = [0, "4 s"]\nstrokes.luff = [0.02, 0.09]\n'
+    parse_machine_file(tomllib.loads(with_motion), "the machine 'boom.toml'", "boom", Path())
 
 
 def test_machine_file_of_any_name(tmp_path: Path) -> None:
@@ -171,18 +171,18 @@ def column(result: ec.Result, role: str) -> Vector:
 
 @pytest.mark.parametrize("name", mostly_slow(MACHINES, ["crane", "lift_table"]))
 def test_modes_agree(name: str, fmu_folder: Path) -> None:
-    coupled, merged, replayed = (run(name, mode, fmu_folder) for mode in ("coupled", "merged", "replayed"))
+    coupled, merged, replay_run = (run(name, mode, fmu_folder) for mode in ("coupled", "merged", "replayed"))
     joints = list(load_machine_file(name).joints)
-    assert all(list(result.metrics["joints"]) == joints for result in (coupled, merged, replayed))
-    x, other = column(coupled, "x_L"), column(merged, "x_L")
-    assert x == pytest.approx(other, abs=1e-7)
+    assert all(list(result.metrics["joints"]) == joints for result in (coupled, merged, replay_run))
+    x, merged_positions = column(coupled, "x_L"), column(merged, "x_L")
+    assert x == pytest.approx(merged_positions, abs=1e-7)
     assert column(coupled, "F_L") == pytest.approx(column(merged, "F_L"), rel=1e-3, abs=20.0)
-    model = find_machine(replayed)
+    model = find_machine(replay_run)
     assert isinstance(model, MachineModel) and model.names == tuple(joints)
-    motion = [column(replayed, role) for role in ("x_d", "v_d", "a_d")]
+    motion = [column(replay_run, role) for role in ("x_d", "v_d", "a_d")]
     if not model.mechanism.passive:  # the model holds what swings
         forces = model.forces(*motion)
-        assert column(replayed, "F_L") == pytest.approx(forces, rel=1e-6, abs=1e-3)
+        assert column(replay_run, "F_L") == pytest.approx(forces, rel=1e-6, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", ["crane", "excavator", "lift_table", "stewart", "hdrm-merged"])
@@ -298,10 +298,10 @@ def test_entries_of_data_sheets() -> None:
 
 def test_run_goes_on_from_a_checkpoint(fmu_folder: Path, tmp_path: Path) -> None:
     with load("lift_table", stop_time=0.02).prepare(fmus=fmu_folder) as simulation:
-        whole = simulation.run()
+        uninterrupted = simulation.run()
         simulation.run(stop_time=0.01, checkpoint=tmp_path / "c", overwrite=True)
         rest = simulation.run(resume=tmp_path / "c")
-    assert rest["lift.plant.x_L"][-1] == whole["lift.plant.x_L"][-1]
+    assert rest["lift.plant.x_L"][-1] == uninterrupted["lift.plant.x_L"][-1]
 
 
 def test_package_of_a_machine_is_the_same_system(fmu_folder: Path, tmp_path: Path) -> None:

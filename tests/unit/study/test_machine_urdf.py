@@ -59,8 +59,8 @@ def test_urdf_has_the_masses_of_pinocchio(tmp_path: Path) -> None:
     angles = np.concatenate([[np.cos(q[0]), np.sin(q[0])], q[1:]])  # a continuous joint has both
     model.gravity.linear = np.array([0.0, 0.0, -9.81])
     expected = pin.rnea(model, data, angles, np.array(v), np.array(a))
-    found = Dynamics(assemble(machine), find_closure(machine), [], q).inverse(v, a)
-    assert found == pytest.approx(expected.tolist(), rel=1e-12)
+    actual = Dynamics(assemble(machine), find_closure(machine), [], q).inverse(v, a)
+    assert actual == pytest.approx(expected.tolist(), rel=1e-12)
 
 
 def test_unknown_link(tmp_path: Path) -> None:

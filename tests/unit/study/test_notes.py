@@ -18,10 +18,10 @@ LOAD, PLANT = "prototype.disturbance.load", "prototype.plant"
 HOLDABLE, TOO_HEAVY = 6.5e3, 90e3
 
 
-def loads(first: float, later: float, begin: float, **others: float) -> dict[str, Any]:
+def loads(first: float, later: float, begin: float, **further: float) -> dict[str, Any]:
     """A load that has its first level until the second one begins, for ever."""
     levels = {f"{LOAD}.level[1]": first, **{f"{LOAD}.level[{i}]": later for i in range(2, 7)}}
-    return {**levels, f"{LOAD}.start[2]": begin, **{f"{LOAD}.{name}": x for name, x in others.items()}}
+    return {**levels, f"{LOAD}.start[2]": begin, **{f"{LOAD}.{name}": x for name, x in further.items()}}
 
 
 def profile(t: np.ndarray, first: float, later: float, begin: float, **o: float) -> np.ndarray:
@@ -32,7 +32,7 @@ def profile(t: np.ndarray, first: float, later: float, begin: float, **o: float)
 
 
 @pytest.mark.parametrize(
-    ("given", "times"),
+    ("case", "times"),
     [
         ((HOLDABLE, TOO_HEAVY, 5.0, {}), (0.0, 4.9)),
         ((HOLDABLE, TOO_HEAVY, 5.0, {}), (0.0, 5.2)),
@@ -49,27 +49,29 @@ def profile(t: np.ndarray, first: float, later: float, begin: float, **o: float)
     ],
     ids=str,
 )
-def test_largest_load_within_the_run(given: Any, times: tuple[float, float]) -> None:
+def test_largest_load_within_the_run(case: Any, times: tuple[float, float]) -> None:
     """Half the width of the ripple counts, and only where its sine comes to it."""
-    first, later, begin, others = given
+    first, later, begin, further = case
     start, stop = times
-    chosen = ec.load("prototype", set=loads(first, later, begin, **others), start_time=start, stop_time=stop)
-    dense = profile(np.linspace(start, stop, 200_001), first, later, begin, **others)
-    found = find_largest_load("prototype", chosen.system, chosen.options)
-    assert found == pytest.approx(np.abs(dense).max(), rel=1e-4)
+    scenario = ec.load(
+        "prototype", set=loads(first, later, begin, **further), start_time=start, stop_time=stop
+    )
+    dense = profile(np.linspace(start, stop, 200_001), first, later, begin, **further)
+    actual = find_largest_load("prototype", scenario.system, scenario.options)
+    assert actual == pytest.approx(np.abs(dense).max(), rel=1e-4)
 
 
 def test_warning_follows_options() -> None:
-    chosen = ec.load("prototype", actuator={"prototype": FILE}, stop_time=4.0, set=loads(0.0, 0.0, 5.0))
-    assert chosen.notes == ()
+    scenario = ec.load("prototype", actuator={"prototype": FILE}, stop_time=4.0, set=loads(0.0, 0.0, 5.0))
+    assert scenario.notes == ()
     first, later = {f"{LOAD}.level[1]": "90 kN"}, {f"{LOAD}.level[2]": TOO_HEAVY}
-    (note,) = chosen.with_options({"set": first}).notes
+    (note,) = scenario.with_options({"set": first}).notes
     assert "a load of 9e+04 N" in note and "the motor cannot hold it" in note
-    assert chosen.with_options({"set": {f"{LOAD}.level[1]": HOLDABLE}}).notes == ()
-    assert chosen.with_options({"set": later}).notes == ()  # it begins after the run
-    assert chosen.with_options({"set": later, "stop_time": 6.0}).notes == (note,)
+    assert scenario.with_options({"set": {f"{LOAD}.level[1]": HOLDABLE}}).notes == ()
+    assert scenario.with_options({"set": later}).notes == ()  # it begins after the run
+    assert scenario.with_options({"set": later, "stop_time": 6.0}).notes == (note,)
     sooner = {**later, f"{LOAD}.start[2]": "1000 ms"}
-    assert chosen.with_options({"set": sooner}).notes == (note,)
+    assert scenario.with_options({"set": sooner}).notes == (note,)
 
 
 MOVE = "prototype.reference.move"
@@ -79,10 +81,10 @@ def test_way_points_beyond_the_run_do_not_count() -> None:
     """A second move to 0.3 m, at four times the speed, begins at 5 s."""
     beyond = {f"prototype.reference.waypoint[{i}]": 0.3 for i in range(3, 10)}
     later = {**beyond, f"{MOVE}.start[2]": 5.0, f"{MOVE}.duration[2]": 1.5}
-    chosen = ec.load("prototype", set=later)
+    scenario = ec.load("prototype", set=later)
 
     def reach(**options: Any) -> Any:
-        return find_reference_range("prototype", chosen.system, chosen.options.updated(options))
+        return find_reference_range("prototype", scenario.system, scenario.options.updated(options))
 
     speeds = 15 / 8 * 0.1 / 4.0, 15 / 8 * 0.15 / 1.5
     assert reach(stop_time=5.0) == pytest.approx((0.05, 0.15, speeds[0]))
@@ -92,22 +94,26 @@ def test_way_points_beyond_the_run_do_not_count() -> None:
     assert reach(stop_time=8.0, start_time=6.6) == pytest.approx((0.3, 0.3, 0.0), abs=1e-12)
     r = 0.25  # of the first move, which the run sees no more of
     assert reach(stop_time=1.0)[1] == pytest.approx(0.05 + 0.1 * (10 * r**3 - 15 * r**4 + 6 * r**5))
-    short = ec.Actuator(**with_entries(screw__stroke="200 mm"))
-    given = {"actuator": {"prototype": short}, "set": later}
-    assert not ec.load("prototype", **given, stop_time=5.0).notes
+    short_actuator = ec.Actuator(**with_entries(screw__stroke="200 mm"))
+    options = {"actuator": {"prototype": short_actuator}, "set": later}
+    assert not ec.load("prototype", **options, stop_time=5.0).notes
     with pytest.raises(ec.CommandError, match="goes from 50 to 300 mm, outside the stroke"):
-        ec.load("prototype", **given, stop_time=8.0)
+        ec.load("prototype", **options, stop_time=8.0)
 
 
 def test_periodic_moves() -> None:
-    chosen = ec.load("prototype", set={"prototype.reference.period": 5.0}, start_time=7.0, stop_time=7.5)
-    low, high, speed = find_reference_range("prototype", chosen.system, chosen.options) or (0.0, 0.0, 0.0)
+    scenario = ec.load("prototype", set={"prototype.reference.period": 5.0}, start_time=7.0, stop_time=7.5)
+    low, high, speed = find_reference_range("prototype", scenario.system, scenario.options) or (
+        0.0,
+        0.0,
+        0.0,
+    )
 
-    def place(t: float) -> float:
+    def get_position(t: float) -> float:
         r = t / 4.0
         return 0.05 + 0.1 * (10 * r**3 - 15 * r**4 + 6 * r**5)
 
-    assert (low, high) == pytest.approx((place(2.0), place(2.5)))
+    assert (low, high) == pytest.approx((get_position(2.0), get_position(2.5)))
     assert speed == pytest.approx(15 / 8 * 0.1 / 4.0)
 
 
@@ -130,8 +136,8 @@ BELIEFS = {
 """What follows from a parameter of the plant, and as which power of it; 0 where it is none."""
 
 
-def parameters(chosen: Any) -> dict[str, Any]:
-    return {f"{c.name}.{name}": x for c in chosen.system.components for name, x in c.parameters.items()}
+def parameters(scenario: Any) -> dict[str, Any]:
+    return {f"{c.name}.{name}": x for c in scenario.system.components for name, x in c.parameters.items()}
 
 
 @pytest.mark.parametrize("parameter", BELIEFS)
@@ -169,13 +175,13 @@ def inertia(lead: float, m: float) -> float:
 def test_followed_values_use_all_changes(fmu_folder: Path) -> None:
     """Values of the scenario and of a run; what is set by name stays as it is set, also in later runs."""
     name = "prototype.controller.model.A_eq"
-    other = "prototype.observer.model.A_eq"
-    set_ = {f"{PLANT}.screw.lead": "20 mm", other: 12.0}
+    parameter = "prototype.observer.model.A_eq"
+    set_ = {f"{PLANT}.screw.lead": "20 mm", parameter: 12.0}
     with ec.load("prototype", set=set_, follow_models=True, fmus=fmu_folder, stop_time=1e-3).prepare() as s:
-        for given, mass in (({}, 100.0), ({f"{PLANT}.screw.M_BS": "200 kg"}, 200.0), ({}, 100.0)):
-            result = s.run(set=given)
+        for case, mass in (({}, 100.0), ({f"{PLANT}.screw.M_BS": "200 kg"}, 200.0), ({}, 100.0)):
+            result = s.run(set=case)
             assert result.parameters[name] == pytest.approx(inertia(0.02, mass), rel=1e-12)
-            assert result.parameters[other] == 12.0
+            assert result.parameters[parameter] == 12.0
             assert result.notes == ()
         assert s.run(set={f"{PLANT}.screw.M_BS": 200.0, name: 7.0}).parameters[name] == 7.0
     with ec.load("prototype", fmus=fmu_folder, stop_time=1e-3).prepare() as s:
@@ -197,26 +203,45 @@ STALE = "prototype.plant.screw.lead changes, but prototype.controller.model.alph
 @pytest.mark.slow
 @pytest.mark.usefixtures("on_one_cluster")
 def test_every_command_gives_the_warning(emla: Emla, fmu_folder: Path) -> None:
-    short = ("--stop-time", "0.002", "--no-plots", "--fmus", str(fmu_folder))
+    short_options = ("--stop-time", "0.002", "--no-plots", "--fmus", str(fmu_folder))
     set_ = ("--set", f"{LEAD}=20 mm")
     vary = ("--vary", "prototype.controller.beta[1]=90:110", "--objective", "prototype.torque_peak_N_m")
     commands = {
-        "run": ("run", "prototype", *set_, *short),
-        "rerun": ("rerun", "run", *short),
-        "sweep of another": ("sweep", "prototype", "--vary", f"{PLANT}.motor.R_s=0.08,0.09", *set_, *short),
-        "sweep": ("sweep", "prototype", "--vary", f"{LEAD}=18 mm:20 mm:2", *short),
-        "compare": ("compare", "prototype", "--controllers", "rsba,foc", *set_, *short),
-        "tune": ("tune", "prototype", *vary, "--evaluations", "3", "--validation", "0", *set_, *short),
+        "run": ("run", "prototype", *set_, *short_options),
+        "rerun": ("rerun", "run", *short_options),
+        "sweep of another": (
+            "sweep",
+            "prototype",
+            "--vary",
+            f"{PLANT}.motor.R_s=0.08,0.09",
+            *set_,
+            *short_options,
+        ),
+        "sweep": ("sweep", "prototype", "--vary", f"{LEAD}=18 mm:20 mm:2", *short_options),
+        "compare": ("compare", "prototype", "--controllers", "rsba,foc", *set_, *short_options),
+        "tune": (
+            "tune",
+            "prototype",
+            *vary,
+            "--evaluations",
+            "3",
+            "--validation",
+            "0",
+            *set_,
+            *short_options,
+        ),
     }
     for name, arguments in commands.items():
-        done = emla(*arguments, "--output", name)
-        text = done.stdout + done.stderr
+        completed = emla(*arguments, "--output", name)
+        text = completed.stdout + completed.stderr
         expected = 1 if name == "tune" else 0  # too short for a joint to be held, which tunings require
-        assert done.exit_code == expected, text
+        assert completed.exit_code == expected, text
         assert text.count(STALE) == 1, name
-        done = emla(*arguments, "--follow-models", "--output", f"{name} too") if name != "rerun" else done
-        assert done.exit_code == expected, done.output
-        assert name == "rerun" or STALE not in done.stdout + done.stderr
+        completed = (
+            emla(*arguments, "--follow-models", "--output", f"{name} too") if name != "rerun" else completed
+        )
+        assert completed.exit_code == expected, completed.output
+        assert name == "rerun" or STALE not in completed.stdout + completed.stderr
     for file in ("sweep/sweep.json", "tune/tune.json"):
         (note, *_) = json.loads(Path(file).read_text())["notes"]
         assert note.startswith(STALE)
@@ -226,16 +251,16 @@ def test_every_command_gives_the_warning(emla: Emla, fmu_folder: Path) -> None:
 @pytest.mark.usefixtures("on_one_cluster")
 def test_sweep_checks_loads_and_strokes_of_its_variants(fmu_folder: Path) -> None:
     """The plan alone has no note; with its largest load or its longest way, a run would have one."""
-    given: dict[str, Any] = {
+    case: dict[str, Any] = {
         "actuator": {"prototype": FILE}, "set": loads(0.0, 0.0, 1e9), "fmus": fmu_folder, "workers": 1,
         "stop_time": 0.002, "metrics": ["peak = max(prototype.plant.i_q)"],
     }  # fmt: skip
     level = f"{LOAD}.level[1]"
-    (note,) = ec.sweep("prototype", {level: "1 kN:90 kN:2"}, **given).notes
+    (note,) = ec.sweep("prototype", {level: "1 kN:90 kN:2"}, **case).notes
     assert "a load of 9e+04 N" in note and "the motor cannot hold it" in note
-    assert ec.sweep("prototype", {level: "1 kN:2 kN:2"}, **given).notes == []
+    assert ec.sweep("prototype", {level: "1 kN:2 kN:2"}, **case).notes == []
     start = f"{PLANT}.start.x_L"
-    (note, *_) = ec.sweep("prototype", {start: "46 mm:900 mm:2"}, **given).notes
+    (note, *_) = ec.sweep("prototype", {start: "46 mm:900 mm:2"}, **case).notes
     assert note.startswith("some variants cannot run: prototype starts at 900 mm")
 
 
@@ -249,8 +274,8 @@ def test_sweep_with_followed_models_equals_single_runs(fmu_folder: Path) -> None
     result = ec.sweep("prototype", vary, set=set_, workers=1, **options)
     assert result.notes == []
     for row in result.variants.to_dicts():
-        own = {name: row[name] for name in vary}
-        with ec.load("prototype", set={**set_, **own}, **options).prepare() as simulation:
+        values_ = {name: row[name] for name in vary}
+        with ec.load("prototype", set={**set_, **values_}, **options).prepare() as simulation:
             run = simulation.run()
         assert row["prototype.torque_peak_N_m"] == run.metrics["joints"]["prototype"]["torque_peak_N_m"]
         assert run.parameters["prototype.observer.model.B_eq"] == 5.5

@@ -38,7 +38,7 @@ def oscillation_of(
     stop: float = 4.0,
     step: float = 1e-4,
     block: int = 4000,
-    again: bool = False,
+    is_restored: bool = False,
     seed: int = 1,
     sample_time: float | None = None,
     **signals: Any,
@@ -63,10 +63,10 @@ def oscillation_of(
     metrics = make()
     for first in range(0, len(rows), block):
         metrics.write(np.array(rows[first : first + block], dtype=np.float64))
-        if again:
-            memory = json.loads(json.dumps(metrics.memory()))
+        if is_restored:
+            state = json.loads(json.dumps(metrics.memory()))
             metrics = make()
-            metrics.remember(memory)
+            metrics.remember(state)
     return dict(metrics.figures()["j"])
 
 
@@ -90,11 +90,11 @@ def test_growing_tone_is_an_oscillation_and_decaying_one_is_not(
     """However small: 0.3 N m are 0.15 % of the limit; other frequencies need longer runs."""
     for sign in (1.0, -1.0):
         torque = tone(hertz, sign * growth, end)
-        found = oscillation_of(
+        actual = oscillation_of(
             torque=torque, error=lambda t, f=torque: -f(t) / INERTIA / (2 * np.pi * hertz) ** 2
         )
-        oscillation = found["oscillation"]
-        assert (oscillation is not None) == (sign > 0.0) == (not found["held"]), (sign, oscillation)
+        oscillation = actual["oscillation"]
+        assert (oscillation is not None) == (sign > 0.0) == (not actual["held"]), (sign, oscillation)
         if oscillation is not None:
             assert oscillation["frequency_Hz"] == pytest.approx(hertz, rel=0.1)
             assert oscillation["kind"] in ("growing", "lasting")
@@ -105,15 +105,15 @@ def test_growing_tone_is_an_oscillation_and_decaying_one_is_not(
 @pytest.mark.parametrize(("hertz", "stop"), [(0.6, 25.0), (2.2, 12.0), (4500.0, 1.0)])
 def test_slow_and_fast_oscillations(hertz: float, stop: float) -> None:
     """From 0.5 Hz to half the sample rate; ten cycles are needed."""
-    found = oscillation_of(stop=stop, torque=tone(hertz, 0.0, 20.0, stop), block=9000)
-    assert found["oscillation"]["kind"] == "lasting" and found["held"] is False
-    assert found["oscillation"]["frequency_Hz"] == pytest.approx(hertz, rel=0.1)
+    actual = oscillation_of(stop=stop, torque=tone(hertz, 0.0, 20.0, stop), block=9000)
+    assert actual["oscillation"]["kind"] == "lasting" and actual["held"] is False
+    assert actual["oscillation"]["frequency_Hz"] == pytest.approx(hertz, rel=0.1)
 
 
 def test_slowest_oscillation_in_four_seconds() -> None:
     """Fourteen cycles, without a forced sine beside it."""
-    found = oscillation_of(d_2=np.zeros_like, torque=tone(3.7, 0.0, 20.0))
-    assert found["oscillation"]["frequency_Hz"] == pytest.approx(3.7, rel=0.1)
+    actual = oscillation_of(d_2=np.zeros_like, torque=tone(3.7, 0.0, 20.0))
+    assert actual["oscillation"]["frequency_Hz"] == pytest.approx(3.7, rel=0.1)
 
 
 @pytest.mark.parametrize("stop", [1.6, 2.9, 4.0, 5.2, 9.6, 11.7])
@@ -141,22 +141,22 @@ def test_oscillation_before_steps_get_longer() -> None:
 
 def test_noise_with_long_steps() -> None:
     noise = np.random.default_rng(0)
-    found = oscillation_of(step=2e-3, torque=lambda t: 60.0 * noise.normal(size=len(t)))
-    assert found["oscillation"]["kind"] == "noise" and found["held"] is False
+    actual = oscillation_of(step=2e-3, torque=lambda t: 60.0 * noise.normal(size=len(t)))
+    assert actual["oscillation"]["kind"] == "noise" and actual["held"] is False
 
 
 @pytest.mark.filterwarnings("error")
 def test_run_that_diverges_gives_no_warnings() -> None:
-    found = oscillation_of(stop=2.0, load=lambda t: 1e-4 * np.exp(np.minimum(200.0 * t, 600.0)))
-    assert found["held"] is False
+    actual = oscillation_of(stop=2.0, load=lambda t: 1e-4 * np.exp(np.minimum(200.0 * t, 600.0)))
+    assert actual["held"] is False
 
 
 def test_load_that_swings_within_its_window_is_an_oscillation() -> None:
-    found = oscillation_of(load=lambda t: 130e-6 * np.sin(2 * np.pi * 6.25 * t))
-    assert found["held"] is False and found["judged"] == ["screw", "load"]
-    assert found["oscillation"]["signal"] == "load"
-    assert found["oscillation"]["load_swing_m"] == pytest.approx(260e-6, rel=0.1)
-    assert "load by 2" in found["reason"]
+    actual = oscillation_of(load=lambda t: 130e-6 * np.sin(2 * np.pi * 6.25 * t))
+    assert actual["held"] is False and actual["judged"] == ["screw", "load"]
+    assert actual["oscillation"]["signal"] == "load"
+    assert actual["oscillation"]["load_swing_m"] == pytest.approx(260e-6, rel=0.1)
+    assert "load by 2" in actual["reason"]
 
 
 def test_swing_that_decays_is_held() -> None:
@@ -167,14 +167,14 @@ def test_swing_that_decays_is_held() -> None:
 def test_what_known_inputs_cause_is_no_oscillation() -> None:
     """The joint rejects sines of the disturbance at 1.3, 3.2 and 60 Hz with most of its torque."""
     for hertz in (1.3, 6.0, 60.0):
-        found = oscillation_of(stop=8.0, d_2=lambda t, f=hertz: 3.0 * np.sin(2 * np.pi * f * t))
-        assert found["oscillation"] is None and found["held"] is True
-    beside = oscillation_of(
+        actual = oscillation_of(stop=8.0, d_2=lambda t, f=hertz: 3.0 * np.sin(2 * np.pi * f * t))
+        assert actual["oscillation"] is None and actual["held"] is True
+    with_neighbour = oscillation_of(
         stop=8.0,
         d_2=lambda t: 3.0 * np.sin(2 * np.pi * 6.0 * t),
         torque=lambda t: 20.0 * np.sin(2 * np.pi * 14.0 * t),
     )
-    assert beside["oscillation"]["frequency_Hz"] == pytest.approx(14.0, rel=0.02)
+    assert with_neighbour["oscillation"]["frequency_Hz"] == pytest.approx(14.0, rel=0.02)
 
 
 @pytest.mark.parametrize("hertz", [20.0, 300.0, 1000.0])
@@ -190,17 +190,17 @@ def test_noise_in_a_narrow_band_is_no_oscillation(hertz: float, seed: int) -> No
 
 def test_any_blocks_and_checkpoints_give_the_same_oscillation() -> None:
     signals = {"torque": tone(290.0, 0.4, 50.0), "load": tone(6.0, 0.0, 1e-4)}
-    whole = oscillation_of(block=50_000, **signals)["oscillation"]
-    assert oscillation_of(block=777, **signals)["oscillation"] == pytest.approx(whole, nan_ok=True)
-    assert oscillation_of(block=9001, again=True, **signals)["oscillation"] == pytest.approx(
-        whole, nan_ok=True
+    uninterrupted = oscillation_of(block=50_000, **signals)["oscillation"]
+    assert oscillation_of(block=777, **signals)["oscillation"] == pytest.approx(uninterrupted, nan_ok=True)
+    assert oscillation_of(block=9001, is_restored=True, **signals)["oscillation"] == pytest.approx(
+        uninterrupted, nan_ok=True
     )
 
 
 @pytest.mark.parametrize("step", [1e-3, 5e-3, 2e-5])
 def test_other_steps(step: float) -> None:
-    found = oscillation_of(step=step, torque=tone(14.0, 0.0, 20.0))
-    assert found["oscillation"]["frequency_Hz"] == pytest.approx(14.0, rel=0.05)
+    actual = oscillation_of(step=step, torque=tone(14.0, 0.0, 20.0))
+    assert actual["oscillation"]["frequency_Hz"] == pytest.approx(14.0, rel=0.05)
     assert oscillation_of(step=step, torque=tone(14.0, -0.5, 20.0))["oscillation"] is None
 
 
@@ -238,12 +238,12 @@ def test_sampling_hides_no_tone_where_its_lines_are_folded(hertz: float) -> None
 @pytest.mark.parametrize("sample_time", [3e-4, 5e-4, 8e-4, 1e-3, 2e-3])
 def test_torque_of_any_sample_time_is_no_oscillation(sample_time: float) -> None:
     """It follows up to 160 of 200 N m at 1.5 Hz in steps that last or grow."""
-    every = round(sample_time / 1e-4)
+    multiple = round(sample_time / 1e-4)
     for growth in (0.0, 0.5):
         torque = tone(1.5, growth, 160.0)
         figures = oscillation_of(
             sample_time=sample_time,
-            torque=lambda t, f=torque: np.repeat(f(t[::every]), every)[: len(t)],
+            torque=lambda t, f=torque: np.repeat(f(t[::multiple]), multiple)[: len(t)],
             d_2=lambda t, f=torque: -f(t) / INERTIA / 0.99,
             error=np.zeros_like,
         )

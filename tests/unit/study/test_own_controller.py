@@ -16,10 +16,10 @@ from rsba_fmu import FocController, RsbaController
 from tests.support.commands import Emla
 from tests.support.paths import ROOT
 
-KNOWN = {"machine.Phi_PM": 0.12, "machine.i_max": load_joint("telescope").actuator.emla.i_max}
+ACTUATOR_VALUES = {"machine.Phi_PM": 0.12, "machine.i_max": load_joint("telescope").actuator.emla.i_max}
 
 
-class Mine(Block):
+class OwnController(Block):
     """A controller whose attributes have names of the machine's values."""
 
     x_d = Input(unit="m", description="Reference position")
@@ -37,16 +37,16 @@ class Mine(Block):
         return {"u_q": u_q, "u_d": 0.0 * v.x_d}
 
 
-class Odd(Mine):
+class Odd(OwnController):
     """A controller that asks for what no actuator has."""
 
     colour = Parameter(1.0, name="machine.colour")
 
 
-class WrongUnit(Mine):
+class WrongUnit(OwnController):
     """A controller that asks for a resistance in henry."""
 
-    other = Parameter(1.0, unit="H", name="machine.R_s")
+    parameter_ = Parameter(1.0, unit="H", name="machine.R_s")
 
 
 class Derived(FocController):
@@ -54,33 +54,33 @@ class Derived(FocController):
 
 
 @pytest.fixture(scope="module")
-def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def controller_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("mine") / "Mine.fmu"
-    fmublock.build(Mine, file)
+    fmublock.build(OwnController, file)
     return file
 
 
-def test_block_and_fmu_take_the_same_values(fmu_folder: Path, mine: Path) -> None:
+def test_block_and_fmu_take_the_same_values(fmu_folder: Path, controller_file: Path) -> None:
     runs = {}
-    for controller in (Mine, str(mine)):
+    for controller in (OwnController, str(controller_file)):
         scenario = ec.load("telescope", controller=controller, fmus=fmu_folder, stop_time=0.02)
         component = scenario.system.component("telescope.controller")
-        assert component.parameters == pytest.approx(KNOWN)
+        assert component.parameters == pytest.approx(ACTUATOR_VALUES)
         assert "machine.Phi_PM = 0.12 Wb" in component.note
         with scenario.prepare() as simulation:
             runs[controller] = simulation.run()
-    ours, theirs = runs.values()
+    ours, fmu_run = runs.values()
     volts = ours["telescope.controller.u_q"]
-    np.testing.assert_array_equal(volts, theirs["telescope.controller.u_q"])
+    np.testing.assert_array_equal(volts, fmu_run["telescope.controller.u_q"])
     error = ours["telescope.reference.x_d"] - ours["telescope.observer.x_hat"]
-    factor = 1e4 * 9.0 * 7.0 * 0.12 * KNOWN["machine.i_max"] / 300.0
+    factor = 1e4 * 9.0 * 7.0 * 0.12 * ACTUATOR_VALUES["machine.i_max"] / 300.0
     assert np.abs(volts).max() > 0.0
     np.testing.assert_allclose(volts[0], factor * error[0], rtol=1e-12)
 
 
 def test_gains_override_values_of_the_actuator(monkeypatch: pytest.MonkeyPatch) -> None:
     sets = {"own": ec.Gains("robust", {"telescope": {"most": 2.0, "R_s": 3.0}})}
-    monkeypatch.setitem(ec.CONTROLLERS, "mine", ec.Controller(Mine, sets))
+    monkeypatch.setitem(ec.CONTROLLERS, "mine", ec.Controller(OwnController, sets))
     values = ec.load("telescope", controller="mine").system.component("telescope.controller").parameters
     assert values["machine.i_max"] == 2.0 and values["R_s"] == 3.0
 
@@ -100,26 +100,26 @@ def test_unknown_values_of_the_actuator_are_refused(block: type[Block], sentence
 def test_derived_controllers_take_the_same_values(fmu_folder: Path) -> None:
     ours = ec.load("telescope", controller=FocController).system.component("telescope.controller")
     for controller in (Derived, str(fmu_path("FocController", "native", fmu_folder))):
-        found = ec.load("telescope", controller=controller).system.component("telescope.controller")
-        assert found.parameters == ours.parameters
-        assert "model.Phi_PM = 0.12 Wb" in found.note
+        component = ec.load("telescope", controller=controller).system.component("telescope.controller")
+        assert component.parameters == ours.parameters
+        assert "model.Phi_PM = 0.12 Wb" in component.note
     assert not ours.note and issubclass(RsbaController, Block)
 
 
 def test_documented_names_have_values() -> None:
     page = (ROOT / "docs/own-controller.md").read_text()
     rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
-    told = {
+    listed = {
         name.strip("` ")
         for row in rows
         if "R_s" in row or "J_c" in row or "_" in row
         for name in row.split(",")
     }
-    assert set(_list_actuator_units()) <= told
+    assert set(_list_actuator_units()) <= listed
 
 
-def test_command_lists_values_of_the_actuator(emla: Emla, mine: Path) -> None:
-    done = emla("run", "lift", "--controller", str(mine), "--stop-time", "1e-3", "--no-plots")
-    assert done.exit_code == 0, done.output
-    taken = "lift.controller takes start values from the actuator: machine.Phi_PM = 0.15 Wb, machine.i_max"
-    assert taken in " ".join(done.output.split())
+def test_command_lists_values_of_the_actuator(emla: Emla, controller_file: Path) -> None:
+    completed = emla("run", "lift", "--controller", str(controller_file), "--stop-time", "1e-3", "--no-plots")
+    assert completed.exit_code == 0, completed.output
+    message = "lift.controller takes start values from the actuator: machine.Phi_PM = 0.15 Wb, machine.i_max"
+    assert message in " ".join(completed.output.split())

@@ -15,7 +15,7 @@ from emla_cosim.study.roles import RoleNames, check_roles, find_variable
 from tests.support.axis import axis
 from tests.support.commands import Emla, sentence
 
-OTHER = {"plant": "press", "reference": "plan", "observer": "guess", "controller": "loop"}
+OTHER_NAMES = {"plant": "press", "reference": "plan", "observer": "guess", "controller": "loop"}
 ROLES = {
     **{role: f"a.press.{role}" for role in ("x_L", "v_L", "tau_m", "i_q", "i_d")},
     **{role: f"a.press.screw.{role}" for role in ("q_LB", "q_UB", "v_max")},
@@ -44,33 +44,33 @@ def slide(package: Path) -> Iterator[ec.Simulation]:
 def renamed() -> ec.System:
     """The lift with other names for its components."""
     system, joint = load("lift").system, len("lift.")
-    called = {c.name: f"a.{OTHER.get(c.name[joint:], c.name[joint:])}" for c in system.components}
+    called = {c.name: f"a.{OTHER_NAMES.get(c.name[joint:], c.name[joint:])}" for c in system.components}
     return ec.System(
         tuple(replace(c, name=called[c.name]) for c in system.components),
         tuple(replace(x, source=called[x.source], target=called[x.target]) for x in system.connections),
     )
 
 
-@pytest.mark.parametrize("given", [{}, {"{plant}.start.x_L": 0.38}])
-def test_metrics_and_limits_do_not_depend_on_names(given: dict[str, float], fmu_folder: Path) -> None:
+@pytest.mark.parametrize("changes", [{}, {"{plant}.start.x_L": 0.38}])
+def test_metrics_and_limits_do_not_depend_on_names(changes: dict[str, float], fmu_folder: Path) -> None:
     how = {"stop_time": 0.5, "step_size": 1e-4, "fmus": fmu_folder}
     with load("lift", **how).prepare() as usual:
-        expected = usual.run(set={n.format(plant="lift.plant"): v for n, v in given.items()})
+        expected = usual.run(set={n.format(plant="lift.plant"): v for n, v in changes.items()})
     with load(renamed(), **how).prepare() as simulation:
         roles = {f"lift.{role}": name for role, name in ROLES.items()}
-        found = simulation.run(roles=roles, set={n.format(plant="a.press"): v for n, v in given.items()})
-    joint, right = dict(found.metrics["joints"]["lift"]), dict(expected.metrics["joints"]["lift"])
-    left, right_left = joint.pop("trip"), right.pop("trip")
+        actual = simulation.run(roles=roles, set={n.format(plant="a.press"): v for n, v in changes.items()})
+    joint, right = dict(actual.metrics["joints"]["lift"]), dict(expected.metrics["joints"]["lift"])
+    trip, right_left = joint.pop("trip"), right.pop("trip")
     effects = [{item["name"] for item in figures.pop("idealised")} for figures in (joint, right)]
     assert effects[0] == {"friction", "heating"} < effects[1]  # other parameters have no roles here
     for figures in (joint, right):
         for name in ("reason", "limits_touched"):
             figures.pop(name)
     np.testing.assert_equal(joint, right)
-    assert (left is None) == (right_left is None) == (not given)
-    if left is not None:
-        assert left["signal"].startswith("a.press.") and left["time_s"] == right_left["time_s"]
-        assert found.remarks[0] == expected.remarks[0].replace("lift.plant", "a.press")
+    assert (trip is None) == (right_left is None) == (not changes)
+    if trip is not None:
+        assert trip["signal"].startswith("a.press.") and trip["time_s"] == right_left["time_s"]
+        assert actual.remarks[0] == expected.remarks[0].replace("lift.plant", "a.press")
 
 
 @pytest.mark.parametrize("signal", ["j.disturbance.F_L", "j.plant.F_L"])
@@ -98,9 +98,9 @@ def test_position_and_reference_are_enough(slide: ec.Simulation) -> None:
 
 def test_limit_from_a_parameter(slide: ec.Simulation) -> None:
     result = slide.run(roles={**SLIDE, "slide.q_UB": "gantry.slide.reach"}, output_interval=1e-3)
-    place = result["gantry.slide.place"]
-    left = result.metrics["joints"]["slide"]["trip"]
-    assert left["value"] == place[place > 0.081][0] and left["limit"] == 0.08
+    positions = result["gantry.slide.place"]
+    trip = result.metrics["joints"]["slide"]["trip"]
+    assert trip["value"] == positions[positions > 0.081][0] and trip["limit"] == 0.08
     assert result.remarks[0].startswith("slide tripped on its stroke at t = ")
 
 
@@ -126,8 +126,8 @@ def test_roles_of_a_scenario_file(package: Path, emla: Emla) -> None:
     result = emla("run", "mine.toml", "--output", "o", "--role", "slide.v_L=gantry.slide.rate")
     assert result.exit_code == 0, result.output
     assert "slide" in result.stdout and "position error" in result.stdout
-    given = json.loads(Path("o/run.json").read_text())["settings"]["roles"]
-    assert given == {**SLIDE, "slide.v_L": "gantry.slide.rate"}
+    changes = json.loads(Path("o/run.json").read_text())["settings"]["roles"]
+    assert changes == {**SLIDE, "slide.v_L": "gantry.slide.rate"}
     assert {"tracking.png", "errors.png"} <= {path.name for path in Path("o").iterdir()}
     before = Path("o/results.csv").read_bytes()
     wrong = emla("run", "mine.toml", "--output", "o", "--role", "slide.v_L=gantry.slide.rat")

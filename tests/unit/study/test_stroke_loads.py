@@ -25,8 +25,8 @@ def joint(folder: Path, load: str, name: str = "boom", more: str = "") -> Path:
 
 
 def plant(scenario: ec.Scenario) -> dict[str, float]:
-    found = next(c for c in scenario.system.components if c.name == "boom.plant")
-    return dict(found.parameters)  # type: ignore[arg-type]
+    component = next(c for c in scenario.system.components if c.name == "boom.plant")
+    return dict(component.parameters)  # type: ignore[arg-type]
 
 
 def test_force_along_the_stroke_is_added_to_the_load_over_time(tmp_path: Path) -> None:

@@ -65,9 +65,9 @@ def test_sags_of_disturbances_are_kept(fmu_folder: Path) -> None:
 
 def test_systems_without_it_do_not_change() -> None:
     assert SUPPLY not in {c.name for c in ec.load("study-drive").system.components}
-    shared, alone = ec.load("study-drive", supply=True).system, ec.load("study-drive").system
-    kept = [c for c in shared.components if c.name != SUPPLY]
-    assert [c.parameters for c in kept] == [c.parameters for c in alone.components]
+    shared, unshared = ec.load("study-drive", supply=True).system, ec.load("study-drive").system
+    remaining = [c for c in shared.components if c.name != SUPPLY]
+    assert [c.parameters for c in remaining] == [c.parameters for c in unshared.components]
 
 
 @pytest.mark.parametrize("name", ["experiment-1", "hdrm-coupled", "hdrm-merged"])

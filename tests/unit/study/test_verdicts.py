@@ -37,8 +37,8 @@ PARAMETERS = {
 """A joint with this inertia and this torque limit."""
 
 
-def judged(
-    rows: np.ndarray, sizes: list[int] | None = None, again: bool = False, **how: Any
+def evaluate(
+    rows: np.ndarray, sizes: list[int] | None = None, is_restored: bool = False, **how: Any
 ) -> dict[str, Any]:
     """The figures of rows in blocks of these sizes, with what was remembered handed on between them."""
     metrics = JointMetrics(NAMES, **how)
@@ -47,10 +47,10 @@ def judged(
         size = sizes[i % len(sizes)] if sizes else len(rows)
         metrics.write(rows[start : start + size])
         start, i = start + size, i + 1
-        if again:
-            memory = json.loads(json.dumps(metrics.memory()))
+        if is_restored:
+            state = json.loads(json.dumps(metrics.memory()))
             metrics = JointMetrics(NAMES, **how)
-            metrics.remember(memory)
+            metrics.remember(state)
     return dict(metrics.figures()["j"])
 
 
@@ -136,7 +136,7 @@ def by_definition(rows: np.ndarray, window: float, dwell: float, multiple: int =
 )
 def test_metrics_match_their_definitions_for_any_blocks(
     seed: int, start: float, offset: float, decay: float, noise: float, count: int, sizes: list[int],
-    window: float, dwell: float, multiple: int, again: bool,
+    window: float, dwell: float, multiple: int, is_restored: bool,
 ) -> None:  # fmt: skip
     random = np.random.default_rng(seed)
     t = np.arange(count) * 0.01
@@ -150,15 +150,15 @@ def test_metrics_match_their_definitions_for_any_blocks(
     how: dict[str, Any] = {"criteria": {"j.position_window": window, "*.window_time": dwell}}
     if multiple > 1:
         how |= {"sample_times": {"j.observer": multiple * 0.01}, "start": start}
-    found = judged(rows, sizes, again, **how)
+    actual = evaluate(rows, sizes, is_restored, **how)
     expected = by_definition(rows, window * (1 + 1e-9), dwell, multiple)
     is_settled = expected.pop("is_settled")
-    assert found.pop("excursions") == pytest.approx(expected.pop("excursions"))
-    numbers = {name: found[name] for name in expected}
+    assert actual.pop("excursions") == pytest.approx(expected.pop("excursions"))
+    numbers = {name: actual[name] for name in expected}
     assert numbers == pytest.approx(expected, rel=1e-9, abs=1e-15, nan_ok=True)
-    assert (found["reason"] is None) == found["held"]
-    if found["held"]:
-        assert is_settled and found["position_error_m"] <= window * (1 + 1e-9) and rows[-1, 0] > start + 0.3
+    assert (actual["reason"] is None) == actual["held"]
+    if actual["held"]:
+        assert is_settled and actual["position_error_m"] <= window * (1 + 1e-9) and rows[-1, 0] > start + 0.3
 
 
 def test_estimates_are_compared_at_the_times_of_the_observer() -> None:
@@ -186,14 +186,14 @@ def test_maxima_depend_neither_on_the_start_error_nor_on_the_stop_time(
     """An approach of 60 1/s, then an error of `steady`; only an excursion makes a maximum larger."""
     t = np.arange(0.0, 2.0 + longer, 2e-3)
     error = start_error * np.exp(-60.0 * t) + steady * np.cos(3.0 * t)
-    found = judged(rows_of(t, error))
-    assert found["position_error_m"] == pytest.approx(steady, rel=1e-2, abs=2e-6)
-    assert found["settling_time_s"] == pytest.approx(np.log(start_error / 1e-3) / 60.0, abs=0.01)
+    actual = evaluate(rows_of(t, error))
+    assert actual["position_error_m"] == pytest.approx(steady, rel=1e-2, abs=2e-6)
+    assert actual["settling_time_s"] == pytest.approx(np.log(start_error / 1e-3) / 60.0, abs=0.01)
     excursion = np.where(np.abs(t - 1.5) < 0.05, 3.5e-3, 0.0)
-    later = judged(rows_of(t, error + excursion))
-    assert found["held"] is True and later["held"] is False
+    later = evaluate(rows_of(t, error + excursion))
+    assert actual["held"] is True and later["held"] is False
     assert later["position_error_m"] == pytest.approx(3.5e-3, abs=2.1e-4)
-    assert later["settling_time_s"] == found["settling_time_s"]
+    assert later["settling_time_s"] == actual["settling_time_s"]
     assert later["excursions"]["count"] == 1 and 1.45 < later["excursions"]["time_s"] < 1.55
 
 
@@ -202,17 +202,17 @@ def test_maxima_depend_neither_on_the_start_error_nor_on_the_stop_time(
 def test_run_longer_than_the_minimum_is_judged(start: float, step: float) -> None:
     count = round(0.3 / step)
     for steps, is_judged in ((count - 1, False), (count, False), (count + 1, True)):
-        found = judged(rows_of(start + step * np.arange(steps + 1), np.zeros(steps + 1)))
-        assert found["held"] == is_judged, steps
-        assert (found["reason"] or "").startswith("too short to judge") != is_judged
+        actual = evaluate(rows_of(start + step * np.arange(steps + 1), np.zeros(steps + 1)))
+        assert actual["held"] == is_judged, steps
+        assert (actual["reason"] or "").startswith("too short to judge") != is_judged
 
 
 def test_short_stay_in_the_window_is_not_settled() -> None:
     """An error that swings through the window is inside for less than the window time."""
     t = np.arange(0.0, 2.0, 1e-3)
     rows = rows_of(t, 4e-3 * np.sin(8.0 * t))
-    assert "has not settled" in judged(rows)["reason"]
-    stay = judged(rows, criteria={"*.window_time": 0.05})
+    assert "has not settled" in evaluate(rows)["reason"]
+    stay = evaluate(rows, criteria={"*.window_time": 0.05})
     assert stay["settling_time_s"] == pytest.approx((np.pi - np.arcsin(0.25)) / 8.0, abs=1e-3)
     assert stay["held"] is False and "left its position window" in stay["reason"]
 
@@ -223,14 +223,14 @@ def test_short_stay_in_the_window_is_not_settled() -> None:
     again=st.booleans(),
 )
 @settings(max_examples=15)
-def test_means_do_not_depend_on_interruptions(seed: int, sizes: list[int], again: bool) -> None:
+def test_means_do_not_depend_on_interruptions(seed: int, sizes: list[int], is_restored: bool) -> None:
     """To the last bit, while the reference moves and while it rests."""
     random = np.random.default_rng(seed)
     t = np.arange(0.0, 1.0, 1e-3)
     rows = rows_of(t, 1e-5 * random.normal(size=len(t)), v_d=0.1 * (np.sin(20.0 * t) > 0.3))
-    whole, parts = judged(rows), judged(rows, sizes, again=again)
+    uninterrupted, parts = evaluate(rows), evaluate(rows, sizes, is_restored=is_restored)
     for name in ("following_error_rms_m", "standstill_error_rms_m"):
-        assert whole[name] > 0.0 and parts[name] == whole[name]
+        assert uninterrupted[name] > 0.0 and parts[name] == uninterrupted[name]
 
 
 def test_run_that_ends_early_is_not_held() -> None:
@@ -263,27 +263,27 @@ def limit_cycle(hertz: float, swing: float) -> np.ndarray:
 @pytest.mark.parametrize(("hertz", "swing"), [(287.0, 356.0), (15.0, 400.0), (1000.0, 100.0)])
 def test_limit_cycle_with_frequency_and_swing(hertz: float, swing: float) -> None:
     for sizes in ([2000], [333, 1]):
-        found = judged(limit_cycle(hertz, swing), sizes, parameters=PARAMETERS)
-        assert found["held"] is False
-        assert found["oscillation"]["frequency_Hz"] == pytest.approx(hertz, rel=0.02)
+        actual = evaluate(limit_cycle(hertz, swing), sizes, parameters=PARAMETERS)
+        assert actual["held"] is False
+        assert actual["oscillation"]["frequency_Hz"] == pytest.approx(hertz, rel=0.02)
         # of the fundamental: 4 / pi of a square wave
-        assert found["oscillation"]["torque_swing_N_m"] == pytest.approx(4.0 / np.pi * swing, rel=0.1)
-        assert found["oscillation"]["kind"] == "lasting" and "j oscillates at" in found["reason"]
+        assert actual["oscillation"]["torque_swing_N_m"] == pytest.approx(4.0 / np.pi * swing, rel=0.1)
+        assert actual["oscillation"]["kind"] == "lasting" and "j oscillates at" in actual["reason"]
 
 
 def test_only_large_noise_is_an_oscillation() -> None:
     noise = np.random.default_rng(5).normal(size=len(T))
     for part, quiet in ((0.5, False), (0.3, False), (0.06, True), (0.0, True)):
-        found = judged(driven(part * LIMIT * noise, 0.0 * T), parameters=PARAMETERS)
-        assert (found["oscillation"] is None) == quiet, part
+        actual = evaluate(driven(part * LIMIT * noise, 0.0 * T), parameters=PARAMETERS)
+        assert (actual["oscillation"] is None) == quiet, part
         if not quiet:
-            assert found["oscillation"]["torque_ripple"] == pytest.approx(part, rel=0.1)
+            assert actual["oscillation"]["torque_ripple"] == pytest.approx(part, rel=0.1)
 
 
-def rejected(hertz: float, left: float) -> np.ndarray:
+def rejected(hertz: float, remainder: float) -> np.ndarray:
     """The torque takes a sine of 90 % of the limit off, but for this part."""
     force = 0.9 * LIMIT * np.sin(2 * np.pi * hertz * T)
-    return driven(-(1.0 - left) * force, force)
+    return driven(-(1.0 - remainder) * force, force)
 
 
 QUIET: dict[str, Callable[[], np.ndarray]] = {
@@ -308,27 +308,27 @@ QUIET: dict[str, Callable[[], np.ndarray]] = {
 
 @pytest.mark.parametrize("name", QUIET)
 def test_other_torques_are_not_oscillations(name: str) -> None:
-    found = judged(QUIET[name](), parameters=PARAMETERS)
-    assert found["oscillation"] is None and found["held"] is True, found["reason"]
+    actual = evaluate(QUIET[name](), parameters=PARAMETERS)
+    assert actual["oscillation"] is None and actual["held"] is True, actual["reason"]
 
 
 def test_unknown_inertia_needs_similar_torque_and_acceleration() -> None:
-    known = {name: value for name, value in PARAMETERS.items() if "J_m" not in name}
-    assert judged(limit_cycle(287.0, 356.0), parameters=known)["held"] is False
-    assert judged(QUIET["random force from outside"](), parameters=known)["held"] is True
+    parameters = {name: value for name, value in PARAMETERS.items() if "J_m" not in name}
+    assert evaluate(limit_cycle(287.0, 356.0), parameters=parameters)["held"] is False
+    assert evaluate(QUIET["random force from outside"](), parameters=parameters)["held"] is True
 
 
 def test_oscillation_after_a_checkpoint() -> None:
     rows = limit_cycle(120.0, 300.0)
-    whole = judged(rows, parameters=PARAMETERS)
-    parts = judged(rows, [777], again=True, parameters=PARAMETERS)
-    assert parts["oscillation"] == pytest.approx(whole["oscillation"], nan_ok=True)
-    assert whole["oscillation"]["time_s"] == pytest.approx(0.3, abs=0.02)
+    uninterrupted = evaluate(rows, parameters=PARAMETERS)
+    parts = evaluate(rows, [777], is_restored=True, parameters=PARAMETERS)
+    assert parts["oscillation"] == pytest.approx(uninterrupted["oscillation"], nan_ok=True)
+    assert uninterrupted["oscillation"]["time_s"] == pytest.approx(0.3, abs=0.02)
     rows[:, 0] += 7.0
-    assert judged(rows, parameters=PARAMETERS)["oscillation"]["time_s"] == pytest.approx(7.3, abs=0.02)
+    assert evaluate(rows, parameters=PARAMETERS)["oscillation"]["time_s"] == pytest.approx(7.3, abs=0.02)
     before = np.where(T[:, np.newaxis] < 0.3, rows, limit_cycle(120.0, 0.0))
     before[:, 0] = T
-    assert judged(before, parameters=PARAMETERS)["held"] is True
+    assert evaluate(before, parameters=PARAMETERS)["held"] is True
 
 
 # ---- criteria ----------------------------------------------------------------------------------------
@@ -336,14 +336,14 @@ def test_oscillation_after_a_checkpoint() -> None:
 
 def test_criteria_with_units_and_joints() -> None:
     windows = {"a.position_window": "0.2 mm", "*.position_window": 5e-4}
-    found = criteria_of(["a", "b"], {**windows, "*.over_speed": "10 %", "b.window_time": 1})
-    assert (found["a"].position_window, found["b"].position_window) == (2e-4, 5e-4)
-    assert found["a"].over_speed == pytest.approx(0.1) and found["b"].window_time == 1.0
+    actual = criteria_of(["a", "b"], {**windows, "*.over_speed": "10 %", "b.window_time": 1})
+    assert (actual["a"].position_window, actual["b"].position_window) == (2e-4, 5e-4)
+    assert actual["a"].over_speed == pytest.approx(0.1) and actual["b"].window_time == 1.0
     assert asdict(criteria_of(["a"], {})["a"]) == asdict(Criteria())
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("criteria", "words"),
     [
         ({"lift.window": 1.0}, "'lift.window' does not exist; write JOINT.CRITERION, with one of"),
         ({"position_window": 1.0}, "the criterion 'position_window' does not exist"),
@@ -355,9 +355,9 @@ def test_criteria_with_units_and_joints() -> None:
         ({"lift.window_time": float("nan")}, "it must be a positive number."),
     ],
 )
-def test_wrong_criteria_are_refused(given: dict[str, Any], words: str) -> None:
+def test_wrong_criteria_are_refused(criteria_: dict[str, Any], words: str) -> None:
     with pytest.raises(CommandError, match=words):
-        criteria_of(["lift"], given)
+        criteria_of(["lift"], criteria_)
 
 
 # ---- runs --------------------------------------------------------------------------------------------
@@ -388,14 +388,14 @@ def test_half_the_inertia_is_a_limit_cycle(drive: ec.Simulation) -> None:
 
 def test_metrics_do_not_depend_on_output_interval_or_checkpoint(drive: ec.Simulation, tmp_path: Path) -> None:
     how = {"stop_time": 0.8, "set": {"lift.plant.sensor.sigma": 1e-6}, "recorders": []}
-    whole = drive.run(**how).metrics["joints"]
+    uninterrupted = drive.run(**how).metrics["joints"]
     rare = drive.run(**how, output_interval=0.05).metrics["joints"]
     drive.run(**{**how, "stop_time": 0.45}, checkpoint=tmp_path / "c")
     resumed = drive.run(**how, resume=tmp_path / "c").metrics["joints"]
-    for joint, figures in whole.items():
+    for joint, figures in uninterrupted.items():
         numbers = {name: x for name, x in figures.items() if isinstance(x, (bool, float))}
-        for other in (rare[joint], resumed[joint]):
+        for joint_figures in (rare[joint], resumed[joint]):
             # sums of blocks end elsewhere, and round otherwise
-            found = {name: other[name] for name in numbers}
-            assert found == pytest.approx(numbers, rel=1e-12, nan_ok=True)
-            assert other["reason"] == figures["reason"]
+            actual = {name: joint_figures[name] for name in numbers}
+            assert actual == pytest.approx(numbers, rel=1e-12, nan_ok=True)
+            assert joint_figures["reason"] == figures["reason"]

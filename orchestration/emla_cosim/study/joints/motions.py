@@ -180,10 +180,10 @@ class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         """Return the load as parameters of the disturbance."""
         options = {"ramp": self.ramp, "ripple": self.ripple, "ripple_omega": self.ripple_omega}
         levels = self.levels
-        parameters_: dict[str, Any] = {"level": (*levels, *[levels[-1]] * (LEVELS - len(levels)))}
+        parameters: dict[str, Any] = {"level": (*levels, *[levels[-1]] * (LEVELS - len(levels)))}
         if self.start is not None:
-            parameters_["level_start"] = (NEVER, *self.start, *[NEVER] * (LEVELS - 1 - len(self.start)))
-        return parameters_ | {name: value for name, value in options.items() if value is not None}
+            parameters["level_start"] = (NEVER, *self.start, *[NEVER] * (LEVELS - 1 - len(self.start)))
+        return parameters | {name: value for name, value in options.items() if value is not None}
 
 
 _ITERATIONS = 60

@@ -78,8 +78,8 @@ def read_limits(joint: str, values: Mapping[str, float], roles: Mapping[str, str
     """
 
     def find(*names: str) -> list[float] | None:
-        numbers_ = [values.get(find_variable(joint, name, values, roles) or "") for name in names]
-        return None if None in numbers_ else [float(x) for x in numbers_ if x is not None]
+        numbers = [values.get(find_variable(joint, name, values, roles) or "") for name in names]
+        return None if None in numbers else [float(x) for x in numbers if x is not None]
 
     drive_values = find("N_p", "Phi_PM", "rho", "lead", "eta_GB")
     if drive_values is None:

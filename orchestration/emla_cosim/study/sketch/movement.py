@@ -81,14 +81,14 @@ def recorded_signals(result: Result) -> list[str]:
     machine = find_machine(result)
     if machine is None:
         return []
-    signals_ = [
+    signals = [
         name
         for role in (STROKE, REFERENCE, FORCE)
         for name in _find_signals(machine.names, role, result.names, result.roles)
     ]
     driver = _find_payload_driver(result)
     return [
-        *signals_,
+        *signals,
         *_find_passive_signals(machine, result.names, result),
         *([] if driver is None else [driver]),
     ]

@@ -90,7 +90,7 @@ class MachineParts:
             passive: Coordinates in m or rad of what swings freely; as it hangs by default.
         """
         frames = self._model.frames(strokes, passive, payload)
-        postures_ = []
+        postures = []
         for row in range(len(strokes)):
             frames_of_pose = {
                 body: (origins[row], rotations[row]) for body, (origins, rotations) in frames.items()
@@ -109,8 +109,8 @@ class MachineParts:
                 parts += self._build_bar(bar, *ends)
             parts += [_move_part(part, *frames_of_pose[body]) for body, part in self._pins]
             ordered = sorted(parts, key=lambda part: _LAYERS.index(part.look))
-            postures_.append({part.name: part for part in ordered})
-        return postures_
+            postures.append({part.name: part for part in ordered})
+        return postures
 
     def _build_body(self, body: str) -> Iterator[Part]:
         layout, unit = self._layout, self.unit
@@ -152,12 +152,12 @@ class MachineParts:
         n = model.dimensions
         look, axes, half = "payload", np.eye(n), np.full(n, 0.5 * growth * _BOX * self.unit)
         if body != GROUND:
-            foot_, along, thickness, span = self._find_foot(body, position)
-            height = float(np.linalg.norm(position - foot_)) - 0.5 * thickness
+            foot, along, thickness, span = self._find_foot(body, position)
+            height = float(np.linalg.norm(position - foot)) - 0.5 * thickness
             if height > 0.5 * _BOX * self.unit:
-                look, along = "standing payload", position - foot_
+                look, along = "standing payload", position - foot
                 half = growth * np.array([height, *[min(1.3 * height, 0.35 * span)] * (n - 1)])
-                position = foot_ + (0.5 * thickness + half[0]) * along / np.linalg.norm(along)
+                position = foot + (0.5 * thickness + half[0]) * along / np.linalg.norm(along)
             if np.linalg.norm(along) > 0.0:
                 axes = _find_directions(along)
         corners = np.array(np.meshgrid(*[(-1.0, 1.0)] * n, indexing="ij")).reshape(n, -1).T
