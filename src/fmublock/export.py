@@ -1,20 +1,19 @@
 """The parts of an FMU that native and PythonFMU FMUs share."""
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree.ElementTree import Element, SubElement
 
 from .archive import content_guid, key_comment, write_archive
 from .block import Block
-from .description import FmuFeatures, model_description
+from .description import FmuFeatures, format_xml, model_description
 from .documentation import docstring_page, html_page, icon, with_variables
 from .files import accept
 from .fmi3_description import fmi3_model_description
-from .recipe import Documents, Producer
-from .related import related_files
+from .recipe import LS_REF, RELATED, RELATED_LIST, Documents, Producer, RelatedFile
 from .symbolic import SymbolicBlock
-from .terminals import terminals_and_icons
 
 
 @dataclass(frozen=True)
@@ -69,11 +68,11 @@ def draft(
         page = docstring_page(block, is_brief=not has_sources)
     files = {
         **content,
-        **related_files(documents.related),
+        **_list_related_files(documents.related),
         "documentation/index.html": html_page(with_variables(page, block), name).encode(),
         "model.png": picture,
         "terminalsAndIcons/icon.png": picture,
-        "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(block, has_arrays=fmi == 3),
+        "terminalsAndIcons/terminalsAndIcons.xml": _describe_terminals(block, has_arrays=fmi == 3),
     }
     if documents.license is not None:
         files["documentation/licenses/license.txt"] = documents.license.encode()
@@ -82,3 +81,71 @@ def draft(
     guid = content_guid({**files, "modelDescription.xml": anonymous})
     description = describe(block, symbolic, producer, guid, offers)
     return Draft(block, guid, description, files, has_sources, fmi)
+
+
+_NAMESPACE = "http://fmi-standard.org/fmi-ls-manifest"
+
+
+def _list_related_files(related: Sequence[RelatedFile]) -> dict[str, bytes]:
+    """Return the files by their path in an FMU, with the manifest that lists them; none without files.
+
+    Source of the manifest: FMI Layered Standard References 1.0.0-alpha.1,
+    https://modelica.github.io/fmi-ls-ref/main/.
+
+    Raises:
+        BuildError: A text has a character that XML cannot hold.
+    """
+    if not related:
+        return {}
+    root = Element(
+        "fmiReferences",
+        {
+            "xmlns:fmi-ls": _NAMESPACE,
+            "fmi-ls:fmi-ls-name": LS_REF,
+            "fmi-ls:fmi-ls-version": "1.0.0-alpha.1",
+            "fmi-ls:fmi-ls-description": "Layered Standard providing information on related files included "
+            "in an FMU.",
+        },
+    )
+    for file in related:
+        SubElement(
+            root, "Related", type=file.type, source=file.name, role=file.role, description=file.description
+        )
+    files = {f"{RELATED}/{file.name}": file.text.encode() for file in related}
+    return {**files, RELATED_LIST: format_xml(root)}
+
+
+def _describe_terminals(block: Block, has_arrays: bool = False) -> bytes:
+    """Return terminalsAndIcons.xml. Terminals of the same name connect members of the same name.
+
+    FMI 2.0.4 adopts this file from FMI 3.0 (section 2.4.9 there).
+
+    Args:
+        block: The block.
+        has_arrays: Whether the FMU's variables are arrays; otherwise they are their elements.
+    """
+    root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    graphics = SubElement(root, "GraphicalRepresentation")
+    square = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
+    SubElement(graphics, "CoordinateSystem", square, suggestedScalingFactorTo_mm="0.1")
+    SubElement(graphics, "Icon", square)
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for scalar in block.layout().scalars:
+        if scalar.variable.terminal is None or (has_arrays and any(scalar.index)):
+            continue
+        name = str(scalar.variable.name) if has_arrays else scalar.name
+        terminal, _, member = scalar.variable.terminal.partition(".")
+        groups.setdefault(terminal, []).append((member or name, name))
+    if groups:
+        terminals = SubElement(root, "Terminals")
+        for group, members in groups.items():
+            terminal = SubElement(terminals, "Terminal", name=group, matchingRule="bus")
+            for member, variable in members:
+                SubElement(
+                    terminal,
+                    "TerminalMemberVariable",
+                    variableName=variable,
+                    memberName=member,
+                    variableKind="signal",
+                )
+    return format_xml(root)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, SubElement
 
 from .block import Block
-from .clocked import add_clock
 from .description import (
     FMI3_TYPES,
     FmuFeatures,
@@ -77,7 +76,7 @@ def fmi3_model_description(
     structure = SubElement(root, "ModelStructure")
     _add_structure(structure, block, symbolic, lengths)
     if offers.clock is not None:
-        add_clock(variables, structure, offers.clock)
+        _add_clock(variables, structure, offers.clock)
     return format_xml(root)
 
 
@@ -172,3 +171,43 @@ def _add_structure(
         for reference, knowns in by_variable.items():
             dependencies = " ".join(map(str, sorted(knowns)))
             SubElement(structure, kind, valueReference=str(reference), dependencies=dependencies)
+
+
+_UNCLOCKED = ("parameter", "independent")
+
+
+def _add_clock(variables: Element, structure: Element, interval: float) -> None:
+    """Add a clock: all variables but parameters, constants and the time belong to it.
+
+    Its value reference follows that of the time, the last variable. The first tick is one interval after the
+    start. Each output can depend on all inputs, because a tick is a whole step.
+
+    Args:
+        variables: The element ModelVariables, without derivatives.
+        structure: The element ModelStructure.
+        interval: The interval in s.
+    """
+    reference = str(int(variables[-1].get("valueReference", "")) + 1)
+    names, name = {v.get("name") for v in variables}, "clock"
+    while name in names:
+        name += "_"
+    for variable in variables:
+        if variable.get("causality") in _UNCLOCKED or variable.get("variability") == "constant":
+            continue
+        variable.set("variability", "discrete")
+        variable.set("clocks", reference)
+        variable.attrib.pop("intermediateUpdate", None)
+    attributes = {
+        "name": name,
+        "valueReference": reference,
+        "description": "Ticks of the block",
+        "causality": "input",
+        "intervalVariability": "constant",
+        "intervalDecimal": repr(float(interval)),
+        "shiftDecimal": repr(float(interval)),
+    }
+    variables.append(Element("Clock", attributes))
+    for unknown in list(structure):
+        if unknown.tag != "Output":
+            structure.remove(unknown)
+        unknown.attrib.pop("dependencies", None)

@@ -16,7 +16,7 @@ from emla_cosim.master.stepping import control_tables
 from emla_cosim.master.stepping.error_control import REMARK_THRESHOLD, ErrorControl, default_largest_step
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
-from emla_cosim.study.schedules import scheduled_times
+from emla_cosim.study.loads import scheduled_times
 from emla_cosim.system.fault import Fault
 from tests.support.faulty_systems import line_with_a_fault
 from tests.support.hand_written_fmus import Fault as FmuFault

@@ -6,7 +6,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from emla_cosim.study.machines.former_names import FORMER_NAMES
+from emla_cosim.study.machines.motion import FORMER_NAMES
 from tests.support.manipulator_geometry import HDRM, Manipulator
 
 

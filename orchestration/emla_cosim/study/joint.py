@@ -1,6 +1,6 @@
 """One joint: reference, plant, disturbance, observer and controller, connected."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -20,6 +20,8 @@ from emla_fmu import (
     Reference,
     ScrewCommand,
 )
+from emla_fmu import observer_gains as gain_rules
+from emla_fmu.observer_gains import ObserverGains
 from emla_fmu.parameters import EmlaParameters
 from fmublock import Block
 from fmublock.units import parse_unit
@@ -374,3 +376,14 @@ def start_values(block: type[Block], *sources: Any) -> dict[str, Value]:
 def _map_to_fmi_names(variable: Variable, value: Any) -> dict[str, Value]:
     names = [s.name for s in variable.scalars()]
     return dict(zip(names, variable.flat(value), strict=True))
+
+
+def describe_observer(value: Callable[[str], float | int | bool | str | None]) -> str | None:
+    """Return the rule of an observer's gains with its poles; None for an observer with other parameters.
+
+    Args:
+        value: Returns the start value of a parameter by its name in the FMU; None if there is no such number.
+    """
+    names = {p.attribute: p.name for p in EmlaObserver.layout().parameters}
+    values: dict[str, Any] = {f.name: value(str(names[f.name])) for f in fields(ObserverGains)}
+    return None if None in values.values() else gain_rules.describe(ObserverGains(**values))

@@ -28,7 +28,7 @@ from .joint_map import JointMap
 from .joints.joint_table import KEYS
 from .joints.schema import KIND, list_joint_names, read_joint_text
 from .load_control import complete_order
-from .loads import create_load_metrics
+from .loads import create_load_metrics, scheduled_times
 from .machines import systems as machines
 from .machines.schema import KIND as MACHINE
 from .machines.schema import MACHINE_KEYS, read_machine_text
@@ -36,7 +36,6 @@ from .metrics import create_joint_metrics
 from .packaged_files import read_packaged_text
 from .randomness import find_seeds
 from .roles import find_machine_roles, find_tracked_joints, find_tracked_loads
-from .schedules import scheduled_times
 from .sketch.film import MachineAnimation
 from .sketch.machine_picture import MachinePicture
 from .systems import change_entries, joint_scenario

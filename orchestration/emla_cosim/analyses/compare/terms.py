@@ -10,8 +10,8 @@ from ...base.toml_structs import read_toml
 from ...base.values import convert_value
 from ...run.scenarios.built_in import TUNINGS
 from ...study.controllers import choose_controller
+from ...study.joint import describe_observer
 from ...study.loading import load
-from ...study.observers import describe_observer
 from ...study.randomness import SEED, is_random
 from ...system.model import Value
 from ...system.names import Names

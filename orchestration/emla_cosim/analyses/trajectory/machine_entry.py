@@ -17,9 +17,14 @@ from ...base.table_entries import Location
 from ...base.toml_structs import read_toml
 from ...base.values import convert_value
 from ...study.joints.schema import JointFile
-from ...study.machines.former_names import FORMER_NAMES
 from ...study.machines.machine_joints import find_joint
-from ...study.machines.schema import MachineTable, build_machine, machines_folder, read_machine_text
+from ...study.machines.motion import FORMER_NAMES
+from ...study.machines.schema import (
+    MachineTable,
+    build_machine,
+    machines_folder,
+    read_machine_text,
+)
 from ..variants.kinds import is_number
 
 PAPER = "hdrm"

@@ -14,9 +14,8 @@ from ...run.scenarios.option_fields import with_options
 from ..actuator.actuator import Actuator, read_tables
 from ..actuator.sheet_values import ACTUATOR
 from .block_tables import DISTURBANCE, PLANT
-from .brake_table import Brake
 from .gain_tables import build_controllers_struct, build_observer_table
-from .motions import Compliance, JointExperiment, Load, LoadFeedback, Move, StartPosition
+from .motions import Brake, Compliance, JointExperiment, Load, LoadFeedback, Move, StartPosition
 
 
 class Cells(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

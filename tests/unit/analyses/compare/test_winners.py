@@ -25,8 +25,8 @@ from emla_cosim.analyses.compare.statistics import (
 from emla_cosim.analyses.compare.tables import describe_lost_joints
 from emla_cosim.recorders.metrics import MetricDisplay
 from emla_cosim.study.controllers import CONTROLLERS
+from emla_cosim.study.joint import describe_observer
 from emla_cosim.study.joints.schema import load_joint
-from emla_cosim.study.observers import describe_observer
 
 ERROR = MetricDisplay("position_error_m", "position error", 1e6, "µm", "m")
 
