@@ -31,8 +31,10 @@ class Criteria:
     position_window: float = _criterion(
         1e-3, "m", "Position error within which a joint has settled, and is to stay"
     )
+    # 0.2 s: what the slowest built-in controller needs from 1 mm to about its own error (docs/metrics.md)
     window_time: float = _criterion(0.2, "s", "How long it has to be within it to have settled")
     over_speed: float = _criterion(0.05, "1", "Fraction beyond the largest speed that is a trip")
+    # 10 %: the overshoot that a well-damped current loop may have
     over_current: float = _criterion(0.1, "1", "Fraction beyond the largest current that is a trip")
     over_torque: float = _criterion(
         0.1, "1", "Fraction beyond the motor's torque that is a trip, if the torque is that of the command"

@@ -64,10 +64,11 @@ _COMMAND_CONNECTIONS = {
     "reference.v_d -> controller.v_d": ("command.v_c -> controller.v_d",),
     "reference.a_d -> controller.a_d": ("command.a_c -> controller.a_d",),
 }
-"""What replaces a connection if the screw is not to make the wanted motion itself."""
+"""Replacements of connections if the screw does not make the reference motion itself."""
 
 _APPROACH = "plant.x_measured -> command.x_1"
-"""What a planned start needs. Elsewhere it would close a loop through a machine that replays the motion."""
+"""Connection that a planned start needs. Elsewhere it would close a loop through a machine that replays the
+motion."""
 
 _LOAD_SENSOR = (
     "plant.load.x_measured -> load_observer.y",
@@ -94,7 +95,7 @@ _SAMPLE = ("disturbance", "observer", "load_observer", "command", "brake")
 _SENSOR_FAULTS = ("sensor.sigma", "sensor.resolution", "sensor.current.sigma", "sensor.current.resolution")
 
 MACHINE = "machine."
-"""Begin of the names of parameters that a user's controller takes from the actuator of its joint."""
+"""Start of the names of parameters that a user's controller takes from the actuator of its joint."""
 
 _TRUE_FEEDBACK = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
 

@@ -248,6 +248,7 @@ def _watch_signal(
         high = parameters[highest]
     lowest = None if range_.low is None else find_variable(joint, range_.low, parameters, roles)
     low = -high if range_.low is None else -np.inf if lowest is None else parameters[lowest]
+    # drives trip some per cent beyond a limit, so that a reference can move at the limit
     margin = getattr(criteria, range_.threshold) * (1.0 if range_.is_distance else abs(high))
     return _WatchedSignal(joint, range_, signal, columns[signal], low, high, low - margin, high + margin)
 

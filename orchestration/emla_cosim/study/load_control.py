@@ -25,8 +25,9 @@ _APPROACH_PERIODS = 3.0
 more after a planned start than after one by the controller alone."""
 
 _SPEED_SHARE = 0.9
-"""Fraction of the joint's largest speed that wanted motion and approach may take together. Controllers limit
-themselves to 0.95: a command with that speed leaves them nothing for errors, and tilt lags by millimetres."""
+"""Fraction of the joint's largest speed that reference motion and approach may take together. Controllers
+limit themselves to 0.95: a command with that speed leaves them nothing for errors, and tilt lags by
+millimetres."""
 
 _APPROACH_FORCE_SHARE = 0.1
 """Fraction of the force that the motor has left under the load for the acceleration of the approach."""
@@ -38,7 +39,7 @@ class LoadControl:
 
     Attributes:
         sensors: One of `NONE`, `MOTOR` and `SENSOR`.
-        frequencies: What the wanted motion avoids, in Hz.
+        frequencies: What the reference motion avoids, in Hz.
     """
 
     sensors: str = NONE
@@ -84,7 +85,9 @@ def check_notch_joints(notch: Mapping[str, float | str], joints: Collection[str]
     """Raise CommandError if a joint of the option `notch` does not exist."""
     for name in notch:
         if name not in ("*", *joints):
-            raise CommandError(f"the notch '{name}' names no joint; {suggest_names(name, list(joints))}")
+            raise CommandError(
+                f"the joint '{name}' of a notch does not exist; {suggest_names(name, list(joints))}"
+            )
 
 
 def complete_order(system: System, options: Mapping[str, Any]) -> dict[str, Any]:

@@ -296,7 +296,9 @@ class JointMetrics(Metrics):
         self._settling.write(time, distance)
         self._evaluate(time, steps, values, is_moving, limited)
         since = np.where(np.isnan(self._evaluated_from), np.inf, self._evaluated_from)
+        # before a joint has settled, its motion would count as an oscillation
         self._oscillation.write(time, (torque, error, x_load - x_s, v_s, force, disturbance), since)
+        # the way from a distant start does not repeat, so heat counts from settling, too
         if self._heat.columns:
             until = [
                 math.inf if (t := self._get_trip(i)) is None else t.time_s for i in range(len(self._joints))
@@ -345,7 +347,7 @@ class JointMetrics(Metrics):
         """Return the absolute error of each observer in m; -inf in rows at which it does not estimate.
 
         Between its estimates an observer holds the last one. Its distance from a moving plant then is the
-        way since that time, which is no error of the observer.
+        way since that time, which is not an error of the observer.
         """
         size = np.abs(error)
         for joint in np.flatnonzero(self._estimate_interval > 0.0):
@@ -552,6 +554,7 @@ def _compute_notch_delay(joint: str, parameters: Mapping[str, float], roles: Map
         names = [find_variable(joint, f"{role}_{i}", parameters, roles) for role in ("f_notch", "zeta_notch")]
         frequency, zeta = (0.0 if name is None else parameters[name] for name in names)
         if frequency > 0.0:
+            # that of the filter in docs/load-control.md, which does not depend on the motion
             delay += 2.0 * (1.0 - zeta) / (math.pi * frequency)
     return delay
 

@@ -55,8 +55,8 @@ _SAME_FREQUENCY = 0.1
 """Largest relative difference between frequencies of one oscillation."""
 
 _MAX_LINE_AMPLITUDE = 2.0 / math.pi
-"""Amplitude of a sawtooth with steps from one limit to the other, relative to the limit: no line of the steps
-of a sampled controller is larger."""
+"""Amplitude of a sawtooth with steps from one limit to the other, relative to the limit: lines of the steps
+of a sampled controller are not larger."""
 
 _MAX_TORQUE_MISMATCH = 0.5
 """Largest part of the torque that may be missing or too much for the acceleration of the joint."""
@@ -116,7 +116,7 @@ class Oscillation:
 
 @dataclass(frozen=True)
 class WatchedJoint:
-    """What is known about a joint.
+    """Data of a joint for the search.
 
     Attributes:
         has: Whether the joint has each of its six signals.
@@ -163,7 +163,7 @@ class OscillationWatch:
         self._rates: SampleRates | None = None
         self._worst: dict[int, Oscillation] = {}
         self._at_end: dict[int, Oscillation | None] = {}
-        """The worst oscillations if the run ended here."""
+        """The worst oscillations if the run ended now."""
 
     def write(self, time: Vector, signals: Sequence[Vector], since: Vector) -> None:
         """Take the next rows.
@@ -193,11 +193,11 @@ class OscillationWatch:
         self._last_time, self._last = float(time[-1]), np.concatenate([part[:, -1:] for part in parts])
 
     def _follow_steps(self, time: Vector) -> None:
-        """Begin with the length of the first steps, and anew when steps have another one."""
+        """Start with the length of the first steps, and restart when steps have another length."""
         is_first = math.isnan(self._last_time)
         count = len(time) - is_first
         step = float(time[-1] - (time[0] if is_first else self._last_time)) / max(count, 1)
-        # a few short steps, such as those before an event, are no reason
+        # a few short steps, such as those before an event, do not change the rates
         is_shorter = count >= _MIN_STEPS and 4.0 * step < self._step
         if step > 0.0 and (math.isnan(self._step) or step > 4.0 * self._step or is_shorter):
             for joint, number in itertools.product(range(len(self._joints)), range(self._count_rates())):
@@ -354,6 +354,7 @@ def _find_noise(
     windows = search.squares_above(_NOISE_BIN)
     windows_per_part = max(round(_NOISE_TIME * grid.rate / grid.hop), 1)
     parts = len(windows) // windows_per_part
+    # parts of the same length, so that an impact fills only one or two of them
     squares = windows[: parts * windows_per_part].reshape(parts, windows_per_part).mean(axis=1)
     first, last = _longest_run(squares > (ripple * limit) ** 2)
     if last - first < _NOISE_PARTS or search.is_tone_above(_NOISE_BIN):
@@ -378,13 +379,13 @@ def _is_sampling_line(
     """Return whether a tone is made by the steps of a sampled controller, which grow with what it follows.
 
     A lower rate shows their lines at folded frequencies, where true tones may be: what is larger than the
-    filters in front of that rate leave of the largest steps is no line of them.
+    filters in front of that rate leave of the largest steps is not one of their lines.
 
     Args:
         tone: The tone.
         scales: Torque limit or position window, by signal.
         grid: Windows in which it is found.
-        watched: What is known about the joint.
+        watched: Data of the joint.
         rates: All rates; the first is that of the run.
     """
     number, nyquist = rates.rates.index(grid.rate), 0.5 * rates.rates[0]

@@ -108,11 +108,11 @@ _PATTERNS: dict[str, tuple[str, ...]] = {
     "q_UB": ("{joint}.plant.screw.q_UB", "machine.plant.screw.q_UB[{element}]"),
     "v_max": ("{joint}.plant.screw.v_max", "machine.plant.screw.v_max[{element}]"),
 }
-"""Possible places of a role's variable; the first existing one counts."""
+"""Possible names of a role's variable; the first existing one counts."""
 
 _FALLBACK_ROLES = {f"{name}_{end}": f"{name}_d" for name in ("x", "v", "a") for end in ("c", "s")}
-"""Roles that are those of the wanted motion where no `ScrewCommand` changes it: the commanded motion of the
-screw, and the wanted motion of the load after the notches."""
+"""Roles that are those of the reference where no `ScrewCommand` changes it: the commanded motion of the
+screw, and the reference motion of the load after the notches."""
 
 INERTIA = ("J_m", "J_c", "J_GB", "M_BS", "rho", "lead")
 """The roles of the parameters that make the inertia of a joint."""
@@ -156,14 +156,14 @@ def find_variable(
 ) -> str | None:
     """Return the full name of the variable that has a role for a joint; None if there is none.
 
-    If data replace the variable, return the name of the data. What commands the screw is the wanted motion
-    if nothing else does.
+    If data replace the variable, return the name of the data. The reference commands
+    the screw if nothing else does.
 
     Args:
         joint: The joint.
         role: The role.
         names: Existing names; use `RoleNames` to look up many roles.
-        roles: Names by JOINT.ROLE, which override the default places.
+        roles: Names by JOINT.ROLE, which override the default ones.
     """
     override = (roles or {}).get(f"{joint}.{role}")
     candidates = (
@@ -216,7 +216,7 @@ def find_tracked_joints(names: Collection[str], roles: Mapping[str, str]) -> dic
 
 
 def find_tracked_loads(names: Collection[str], roles: Mapping[str, str]) -> dict[str, tuple[str, str]]:
-    """Return position and wanted position of each load for which both are among the names."""
+    """Return position and reference position of each load for which both are among the names."""
     return _find_pairs(("x_load", "x_s"), names, roles)
 
 

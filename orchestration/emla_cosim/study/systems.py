@@ -217,6 +217,7 @@ def _choose_gains(
 
 def current_seed(seed: int) -> int:
     """Return the seed of the current sensors' noise, far from that of the position noise."""
+    # a multiplier of Lehmer generators with this modulus, as 48271 below; 16807 is that of the noise itself
     return 69621 * seed % int(MODULUS)
 
 

@@ -61,9 +61,9 @@ def _compute_slopes(table: TableContent, column: TableColumn) -> Numbers:
                     )
                     slopes[part] = spline(table.times[part], 1)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-        raise BuildError(f"no cubic spline goes through the data: {error}") from error
+        raise BuildError(f"cubic spline interpolation failed: {error}") from error
     if not np.isfinite(slopes).all():
-        raise BuildError("no cubic spline goes through the data: its slopes are not finite.")
+        raise BuildError("cubic spline interpolation failed: non-finite slopes.")
     return slopes
 
 

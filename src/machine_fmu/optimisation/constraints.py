@@ -26,7 +26,7 @@ class Constraints:
             bounds.append(np.broadcast_to(np.asarray(values, dtype=float), column.shape[0]))
 
     def require_between_with_slack(self, expression: casadi.MX, low: float, high: float, slack: Any) -> None:
-        """Require as `require_between`, but allow `slack` beyond the bounds; None is none."""
+        """Require as `require_between`, but allow `slack` beyond the bounds; None for none."""
         if slack is None:
             self.require_between(expression, low, high)
         else:

@@ -53,7 +53,7 @@ class Via:
     at: float | None = None
     """When it is there, as a fraction of the duration; None spreads all way-points evenly."""
     payload: float | None = None
-    """Mass at the tip from here on, kg: the machine stops here. None is the mass before."""
+    """Mass at the tip from this point on, kg: the machine stops there. None keeps the mass."""
 
     def __post_init__(self) -> None:
         if not is_position(self.tip):
@@ -86,7 +86,7 @@ class MotionProblem:
     q_S: Numbers
     """Strokes at the start, m."""
     q_E: Numbers
-    """Strokes at the end, m; without meaning if `tip_E` is there."""
+    """Strokes at the end, m; not used with `tip_E`."""
     tip_E: Numbers | None = None
     """Position of the tip at the end, m, instead of q_E; the optimiser chooses the strokes."""
     via: tuple[Via, ...] = ()
@@ -104,19 +104,19 @@ class MotionProblem:
     f_UB: Numbers
     """Upper bounds of the actuators' forces, N."""
     a_LB: Numbers | None = None
-    """Lower bounds of the accelerations, m/s2; None is no bound."""
+    """Lower bounds of the accelerations, m/s2; None for no bound."""
     a_UB: Numbers | None = None
-    """Upper bounds of the accelerations, m/s2; None is no bound."""
+    """Upper bounds of the accelerations, m/s2; None for no bound."""
     j_LB: Numbers | None = None
-    """Lower bounds of the jerks, m/s3; None is no bound."""
+    """Lower bounds of the jerks, m/s3; None for no bound."""
     j_UB: Numbers | None = None
-    """Upper bounds of the jerks, m/s3; None is no bound."""
+    """Upper bounds of the jerks, m/s3; None for no bound."""
     ground: float | None = None
     """Height of the ground, m; None is the lowest corner of the machine's outline."""
     ground_clearance: float | None = None
-    """Smallest height of moving points above the ground, m; None is no ground."""
+    """Smallest height of moving points above the ground, m; None without a limit."""
     body_clearance: float | None = None
-    """Smallest distance of moving bodies from the base and actuators on it, m; None is no limit."""
+    """Smallest distance of moving bodies from the base and actuators on it, m; None without a limit."""
     obstacles: tuple[Obstacle, ...] = ()
     """What the machine keeps clear of."""
     t_M: float

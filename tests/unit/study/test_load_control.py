@@ -53,7 +53,7 @@ def parameters(name: str, component: str, **options: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"notch": {"lft": 5}}, "the notch 'lft' names no joint; did you mean lift?"),
+        ({"notch": {"lft": 5}}, "the joint 'lft' of a notch does not exist; did you mean lift?"),
         ({"notch": {"lift": "5, 6, 7"}}, "it must be one or 2 positive frequencies"),
         ({"notch": {"lift": -5.0}}, "it must be one or 2 positive frequencies"),
         ({"notch": {"lift": True}}, "'lift' in the option 'notch' is True; it must be a number or a text"),

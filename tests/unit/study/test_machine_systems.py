@@ -278,7 +278,7 @@ def test_disturbances_of_built_in_joints_are_those_of_the_paper(tmp_path: Path) 
     [
         ("study", {"mode": "merged"}, "'study' has no modes; --mode is for machine files"),
         ("crane", {"mode": "both"}, "there is no mode 'both'; choose from coupled, replayed and merged."),
-        ("crane", {"notch": {"lift": 5.0}}, "the notch 'lift' names no joint"),
+        ("crane", {"notch": {"lift": 5.0}}, "the joint 'lift' of a notch does not exist"),
         ("crane", {"trajectory": DEFAULT_FILE}, "the coefficients are of ['lift', 'tilt', 'telescope']"),
     ],
 )

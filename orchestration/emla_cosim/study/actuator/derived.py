@@ -156,4 +156,5 @@ def braking(v: Values, load: float) -> float:
         return v["control.a_max"]
     shared = emla(v)
     available = max(shared.tau_max - holding_torque(v, load), 0.1 * shared.tau_max)
+    # the load acts while the joint brakes, so only the rest of the torque decelerates
     return BRAKING_SHARE * available / shared.A_eq

@@ -23,7 +23,7 @@ from .motion import Motion, read_motion_table
 from .schema import KIND, MachineTable, build_machine, machines_folder, read_machine_text
 
 COMPONENTS = "machine"
-"""Begin of the names of the components of a machine itself."""
+"""Start of the names of the components of a machine itself."""
 
 _ROUNDING = 1e-9
 """Distance in m and fraction of a speed by which a motion may leave its limits."""
