@@ -183,33 +183,30 @@ def _list_remarks(
 def build_certificate_rows(certificates: Sequence[JointCertificate]) -> list[tuple[str, str, list[float]]]:
     """Return the rows of the table: label, unit, and the values by joint; inf if there is no bound."""
     return [
-        *((f"phi_{i}", "1/s", [item.certificate.phi[i] for item in certificates]) for i in range(5)),
-        ("phi_total", "1/s", [item.certificate.phi_total for item in certificates]),
-        ("predicted decay of |P|, proof", "1/s", [item.certificate.rate for item in certificates]),
+        *((f"phi_{i}", "1/s", [c.certificate.phi[i] for c in certificates]) for i in range(5)),
+        ("phi_total", "1/s", [c.certificate.phi_total for c in certificates]),
+        ("predicted decay of |P|, proof", "1/s", [c.certificate.rate for c in certificates]),
         (
             "predicted decay of |P|, without adaptation",
             "1/s",
-            [item.certificate.direct_rate for item in certificates],
+            [c.certificate.direct_rate for c in certificates],
         ),
         *(
-            (f"D_{i + 1} measured", u, [item.bounds.total[i] for item in certificates])
+            (f"D_{i + 1} measured", u, [c.bounds.total[i] for c in certificates])
             for i, u in enumerate(("m/s", "m/s2", "A/s", "A/s"))
         ),
-        *(
-            (f"theta*_{i + 1}", "", [item.certificate.theta_star[i] for item in certificates])
-            for i in range(4)
-        ),
-        ("|P|: bound of the proof", "", [item.certificate.ultimate for item in certificates]),
-        ("|P|: bound without adaptation", "", [item.certificate.direct_ultimate for item in certificates]),
-        ("|P|: simulated", "", [item.length for item in certificates]),
-        ("position error: bound", "µm", [1e6 * item.certificate.position for item in certificates]),
-        ("position error: simulated", "µm", [1e6 * item.position_m for item in certificates]),
-        ("current error: bound", "A", [item.certificate.current for item in certificates]),
-        ("current error: simulated", "A", [item.current_A for item in certificates]),
+        *((f"theta*_{i + 1}", "", [c.certificate.theta_star[i] for c in certificates]) for i in range(4)),
+        ("|P|: bound of the proof", "", [c.certificate.ultimate for c in certificates]),
+        ("|P|: bound without adaptation", "", [c.certificate.direct_ultimate for c in certificates]),
+        ("|P|: simulated", "", [c.length for c in certificates]),
+        ("position error: bound", "µm", [1e6 * c.certificate.position for c in certificates]),
+        ("position error: simulated", "µm", [1e6 * c.position_m for c in certificates]),
+        ("current error: bound", "A", [c.certificate.current for c in certificates]),
+        ("current error: simulated", "A", [c.current_A for c in certificates]),
         (
             "observer error: bound, of K_2 alone",
             "µm",
-            [1e6 * item.certificate.observer_position for item in certificates],
+            [1e6 * c.certificate.observer_position for c in certificates],
         ),
-        ("observer error: simulated", "µm", [1e6 * item.observer_m for item in certificates]),
+        ("observer error: simulated", "µm", [1e6 * c.observer_m for c in certificates]),
     ]

@@ -170,34 +170,30 @@ class JointMetrics(Metrics):
         """
         column = RoleNames((name, i + 1) for i, name in enumerate(names))
         parameters, roles = RoleNames(parameters or {}), roles or {}
-        joints_with_roles = list_joints_with_roles(roles)
+        with_roles = list_joints_with_roles(roles)
         candidates = {
             joint: {role: find_variable(joint, role, column, roles) for role in _ROLES}
             for joint in find_all_joints(names, roles)
         }
-        for joint, signal_of in candidates.items():
-            if (
-                signal_of["F_L"] == f"{joint}.plant.load.force"
-            ):  # depends on the position, so it explains nothing
-                signal_of["F_L"] = find_variable(joint, "F_t", column, roles)
+        for joint, by_role in candidates.items():
+            # this one depends on the position, so it explains nothing
+            if by_role["F_L"] == f"{joint}.plant.load.force":
+                by_role["F_L"] = find_variable(joint, "F_t", column, roles)
         signals = {
-            joint: signal_of
-            for joint, signal_of in candidates.items()
-            if all(
-                signal_of[role] is not None
-                for role in (_TRACKED if joint in joints_with_roles else _REQUIRED)
-            )
+            joint: by_role
+            for joint, by_role in candidates.items()
+            if all(by_role[role] is not None for role in (_TRACKED if joint in with_roles else _REQUIRED))
         }
         self._joints = list(signals)
         self._criteria = criteria_of(self._joints, criteria or {})
         joint_criteria = [self._criteria[joint] for joint in self._joints]
         # signals that a joint lacks are read from an added column of NaN
         self._columns = np.array(
-            [[column.get(signal_of[role] or "", -1) for signal_of in signals.values()] for role in _ROLES],
+            [[column.get(by_role[role] or "", -1) for by_role in signals.values()] for role in _ROLES],
             dtype=int,
         ).reshape(len(_ROLES), len(signals))
         self._missing = self._columns < 0
-        estimates = [signal_of["x_hat"] or "" for signal_of in signals.values()]
+        estimates = [by_role["x_hat"] or "" for by_role in signals.values()]
         self._estimate_interval = np.array(
             [_find_sample_time(name, sample_times or {}) for name in estimates]
         )
@@ -205,7 +201,7 @@ class JointMetrics(Metrics):
         self._first_estimate = start
         self._has_speed = ~(self._missing[_ROLES.index("v_s")])
         self._limits = LimitWatch(self._criteria, column, parameters, roles)
-        trips = {joint: signal_of.over_temperature for joint, signal_of in self._criteria.items()}
+        trips = {joint: limits.over_temperature for joint, limits in self._criteria.items()}
         self._heat = HeatWatch.of(trips, column, parameters, roles)
         self._columns = np.array(
             [*self._columns.ravel(), *self._limits.columns, *self._heat.columns], dtype=int
@@ -215,7 +211,7 @@ class JointMetrics(Metrics):
         self._verdict = _VERDICT if loads is None else _VERDICT_WITH_LOAD
         self.shown = (self._verdict, *self._displays)
         self._parameters, self._roles = parameters, roles
-        self._errors = [describe_error(joint, str(signal_of["x_c"])) for joint, signal_of in signals.items()]
+        self._errors = [describe_error(joint, str(by_role["x_c"])) for joint, by_role in signals.items()]
         """How messages call the position errors."""
         self._settling = Settling(joint_criteria)
         self._tracking = Tracking(np.array([criteria_.position_window for criteria_ in joint_criteria]))

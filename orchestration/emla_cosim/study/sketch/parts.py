@@ -92,22 +92,18 @@ class MachineParts:
         frames = self._model.frames(strokes, passive, payload)
         postures = []
         for row in range(len(strokes)):
-            frames_of_pose = {
-                body: (origins[row], rotations[row]) for body, (origins, rotations) in frames.items()
-            }
+            placed = {body: (origins[row], rotations[row]) for body, (origins, rotations) in frames.items()}
             parts = [self.base]
-            parts += [_move_part(part, *frames_of_pose[body]) for body, part in self._bodies]
-            parts += [
-                _move_part(part, *frames_of_pose[body]) for body, part in self._build_box(float(payload[row]))
-            ]
+            parts += [_move_part(part, *placed[body]) for body, part in self._bodies]
+            parts += [_move_part(part, *placed[body]) for body, part in self._build_box(float(payload[row]))]
             for bar in self._model.mechanism.bars:
                 ends = [
-                    frames_of_pose[body][0] + frames_of_pose[body][1] @ self._layout.at(end)
+                    placed[body][0] + placed[body][1] @ self._layout.at(end)
                     for end in (bar.start, bar.end)
                     for body in [self._layout.body_of(end)]
                 ]
                 parts += self._build_bar(bar, *ends)
-            parts += [_move_part(part, *frames_of_pose[body]) for body, part in self._pins]
+            parts += [_move_part(part, *placed[body]) for body, part in self._pins]
             ordered = sorted(parts, key=lambda part: _LAYERS.index(part.look))
             postures.append({part.name: part for part in ordered})
         return postures
