@@ -132,7 +132,7 @@ def by_definition(rows: np.ndarray, window: float, dwell: float, multiple: int =
     window=st.sampled_from([1e-3, 2.5e-4]),
     dwell=st.sampled_from([0.2, 0.05]),
     multiple=st.sampled_from([1, 7]),
-    again=st.booleans(),
+    is_restored=st.booleans(),
 )
 def test_metrics_match_their_definitions_for_any_blocks(
     seed: int, start: float, offset: float, decay: float, noise: float, count: int, sizes: list[int],
@@ -220,7 +220,7 @@ def test_short_stay_in_the_window_is_not_settled() -> None:
 @given(
     seed=st.integers(0, 2**32 - 1),
     sizes=st.lists(st.integers(1, 400), min_size=1, max_size=5),
-    again=st.booleans(),
+    is_restored=st.booleans(),
 )
 @settings(max_examples=15)
 def test_means_do_not_depend_on_interruptions(seed: int, sizes: list[int], is_restored: bool) -> None:
@@ -355,9 +355,9 @@ def test_criteria_with_units_and_joints() -> None:
         ({"lift.window_time": float("nan")}, "it must be a positive number."),
     ],
 )
-def test_wrong_criteria_are_refused(criteria_: dict[str, Any], words: str) -> None:
+def test_wrong_criteria_are_refused(criteria: dict[str, Any], words: str) -> None:
     with pytest.raises(CommandError, match=words):
-        criteria_of(["lift"], criteria_)
+        criteria_of(["lift"], criteria)
 
 
 # ---- runs --------------------------------------------------------------------------------------------
