@@ -32,15 +32,15 @@ def render(report: Findings) -> str:
     label = "FMU" if count == 1 else format_count(count, "FMU")
     message, color = describe_badge(report)
     label_width, message_width = (round(len(text) * _WIDTH) for text in (label, message))
-    left, right = label_width + 12, message_width + 12
+    label_box_width, message_box_width = label_width + 12, message_width + 12
     return _IMAGE.format(
-        width=left + right,
+        width=label_box_width + message_box_width,
         text=escape(f"{label}: {message}"),
         mark=BADGE_MARK,
-        left=left,
-        right=right,
+        left=label_box_width,
+        right=message_box_width,
         color=color,
-        start=left + 6,
+        start=label_box_width + 6,
         label_width=label_width,
         message_width=message_width,
         label=label,
@@ -57,5 +57,5 @@ def describe_badge(report: Findings) -> tuple[str, str]:
         return f"{format_count(failed, 'check')} failed", _FAILED
     if not report.passed:
         return "not passed", _FAILED
-    done = counts[Verdict.PASSED] + counts[Verdict.WARNING]
-    return f"{format_count(done, 'check')} passed", _PASSED
+    passed_count = counts[Verdict.PASSED] + counts[Verdict.WARNING]
+    return f"{format_count(passed_count, 'check')} passed", _PASSED

@@ -14,7 +14,7 @@ _MOST_PARTS = 20
 _32_BITS = 1
 """Class of an ELF file: `ELFCLASS32`."""
 
-_OF_FOLDER = {
+_TARGETS_OF_VERSION_2 = {
     "linux32": ("linux", "x86"),
     "linux64": ("linux", "x86_64"),
     "win32": ("windows", "x86"),
@@ -36,7 +36,7 @@ _PROCESSORS = {
 _WORDS = re.compile(f"{'|'.join(sorted({*_SYSTEMS, *_PROCESSORS}, key=len, reverse=True))}|[-_ ]|.+?")
 """Names of systems and processors, and what may separate them."""
 
-NAMES_OF_VERSION_2 = frozenset(_OF_FOLDER)
+NAMES_OF_VERSION_2 = frozenset(_TARGETS_OF_VERSION_2)
 """Names of platforms in FMI 2.0."""
 
 
@@ -54,40 +54,42 @@ def read_targets(path: Path) -> set[tuple[str, str]]:
             is_x32 = processor == "x86_64" and head[4] == _32_BITS  # pointers have 32 bits
             return {("linux", "x32" if is_x32 else processor)}
         if head.startswith(b"MZ"):
-            (place,) = struct.unpack_from("<I", head, 60)
-            if head[place : place + 4] == b"PE\0\0":
-                return {("windows", _PE.get(struct.unpack_from("<H", head, place + 4)[0], ""))}
+            (position,) = struct.unpack_from("<I", head, 60)
+            if head[position : position + 4] == b"PE\0\0":
+                return {("windows", _PE.get(struct.unpack_from("<H", head, position + 4)[0], ""))}
         if head[:4] in _MACH_MAGIC:
             return {("darwin", _MACH.get(struct.unpack_from("<I", head, 4)[0], ""))}
         if head[:4] in _FAT:
             (count,) = struct.unpack_from(">I", head, 4)
             width = 20 if head[:4] == _FAT[0] else 32
             parts = range(count) if count <= _MOST_PARTS else ()
-            found = [struct.unpack_from(">I", head, 8 + width * k)[0] for k in parts]
-            return {("darwin", _MACH.get(processor, "")) for processor in found}
+            processors = [struct.unpack_from(">I", head, 8 + width * k)[0] for k in parts]
+            return {("darwin", _MACH.get(processor, "")) for processor in processors}
     except struct.error:
         pass  # truncated
     return set()
 
 
-def wanted_target(folder: str) -> tuple[str, str] | None:
+def parse_platform(folder: str) -> tuple[str, str] | None:
     """Return the system and processor of a platform's folder; None if its name is not standardized."""
-    if folder in _OF_FOLDER:
-        return _OF_FOLDER[folder]
+    if folder in _TARGETS_OF_VERSION_2:
+        return _TARGETS_OF_VERSION_2[folder]
     processor, _, system = folder.partition("-")
-    known = {*_ELF.values(), *_PE.values(), *_MACH.values()}
-    return (system, processor) if system in ("linux", "windows", "darwin") and processor in known else None
+    processors = {*_ELF.values(), *_PE.values(), *_MACH.values()}
+    return (
+        (system, processor) if system in ("linux", "windows", "darwin") and processor in processors else None
+    )
 
 
 def describe_mismatch(path: Path, folder: str) -> str:
     """Return for what a library is if that is not what its folder is for; otherwise an empty string."""
-    wanted, found = wanted_target(folder), read_targets(path)
-    if wanted is None or not found or wanted in found:
+    expected, actual = parse_platform(folder), read_targets(path)
+    if expected is None or not actual or expected in actual:
         return ""
-    if folder == "darwin64" and ("darwin", "aarch64") in found:
+    if folder == "darwin64" and ("darwin", "aarch64") in actual:
         return ""  # usual for macOS on ARM, for which FMI 2.0 had no name
     return " and ".join(
-        sorted(f"{system} on {processor or 'another processor'}" for system, processor in found)
+        sorted(f"{system} on {processor or 'another processor'}" for system, processor in actual)
     )
 
 
@@ -99,6 +101,10 @@ def suggest_platform(folder: str, version: int) -> str:
     if len(words) != 2 or len(systems) != 1 or len(processors) != 1:
         return ""
     target = systems[0], processors[0]
-    of_version_2 = {found: name for name, found in _OF_FOLDER.items()} if version == 2 else {}
-    name = of_version_2.get(target, f"{target[1]}-{target[0]}")
+    names_by_target = (
+        {target_of_name: name for name, target_of_name in _TARGETS_OF_VERSION_2.items()}
+        if version == 2
+        else {}
+    )
+    name = names_by_target.get(target, f"{target[1]}-{target[0]}")
     return "" if name == folder else name

@@ -42,8 +42,8 @@ def list_source_files(subject: Subject) -> list[str]:
 
 def find_machine_compiler() -> tuple[str, ...]:
     """Return the command of this machine's C compiler; empty without one."""
-    found = shutil.which("cc")
-    return (found,) if found else ()
+    path = shutil.which("cc")
+    return (path,) if path else ()
 
 
 def find_zig() -> tuple[str, ...]:

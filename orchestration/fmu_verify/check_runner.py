@@ -16,7 +16,7 @@ from .host.fresh_process import EndedError
 from .scratch import list_writable, use_scratch
 from .settings import Settings
 from .subprocess_run import CheckProcess
-from .terms import in_terms_of
+from .terms import translate
 from .verdict import (
     LEAVES_EXCEPTION,
     RETURNS,
@@ -107,7 +107,7 @@ def do_check(subject: Any, check: Check) -> CheckOutcome:
         _ = subject.tree
     if (version := _version(subject)) != 2 and outcome.clause is None:
         outcome = replace(outcome, clause=check.clause)
-    return in_terms_of(version, outcome)
+    return translate(version, outcome)
 
 
 def _version(subject: Any) -> int:

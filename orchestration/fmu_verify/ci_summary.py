@@ -19,7 +19,7 @@ _MOST_ROWS = 200
 _MOST_FINDINGS = 100
 """Most findings of each verdict. GitHub rejects summaries of more than 1 MiB."""
 
-_LONGEST = 500
+_MAX_LENGTH = 500
 _SIGNS = {Verdict.FAILED: "❌", Verdict.WARNING: "⚠️", Verdict.PASSED: "✅", Verdict.SKIPPED: "⏭️"}
 
 
@@ -30,45 +30,52 @@ def format_ci_summary(report: Mapping[str, Any]) -> str:
         report: The result of `Report.as_dict`.
     """
     verdict = Verdict.PASSED if report["passed"] else Verdict.FAILED
-    lines = [f"## {_SIGNS[verdict]} FMUs {verdict}", "", *_table(report["examined"]), ""]
+    lines = [f"## {_SIGNS[verdict]} FMUs {verdict}", "", *_format_table(report["examined"]), ""]
     for kind in (Verdict.FAILED, Verdict.WARNING):
-        found = [(one, f) for one in report["examined"] for f in one["findings"] if f["verdict"] == kind]
-        lines += [_item(kind, one, finding) for one, finding in found[:_MOST_FINDINGS]]
-        if len(found) > _MOST_FINDINGS:
-            lines.append(f"- {_SIGNS[kind]} and {len(found) - _MOST_FINDINGS} more")
-    for one in report["examined"]:
-        lines += [
-            f"- {_SIGNS[Verdict.FAILED]} {_text(one['name'])}: {_text(o)}" for o in one.get("objections", ())
+        findings = [
+            (examined, f)
+            for examined in report["examined"]
+            for f in examined["findings"]
+            if f["verdict"] == kind
         ]
-    return "\n".join([*lines, "", f"{_text(report['made_by'])}, {_text(report['started'])}", ""])
+        lines += [_format_item(kind, examined, finding) for examined, finding in findings[:_MOST_FINDINGS]]
+        if len(findings) > _MOST_FINDINGS:
+            lines.append(f"- {_SIGNS[kind]} and {len(findings) - _MOST_FINDINGS} more")
+    for examined in report["examined"]:
+        lines += [
+            f"- {_SIGNS[Verdict.FAILED]} {_escape(examined['name'])}: {_escape(o)}"
+            for o in examined.get("objections", ())
+        ]
+    return "\n".join([*lines, "", f"{_escape(report['made_by'])}, {_escape(report['started'])}", ""])
 
 
-def _table(examined: list[dict[str, Any]]) -> Iterator[str]:
+def _format_table(examined: list[dict[str, Any]]) -> Iterator[str]:
     yield "| | FMU | passed | warnings | failed | skipped | time / s |"
     yield "|---|---|---:|---:|---:|---:|---:|"
-    for one in examined[:_MOST_ROWS]:
-        verdicts = [finding["verdict"] for finding in one["findings"]]
+    for fmu_report in examined[:_MOST_ROWS]:
+        verdicts = [finding["verdict"] for finding in fmu_report["findings"]]
         counts = " | ".join(str(verdicts.count(v) or "") for v in Verdict)
-        sign = _SIGNS[Verdict.FAILED if one.get("objections") else Verdict(one["verdict"])]
-        yield f"| {sign} | {_text(one['name'])} | {counts} | {one['seconds']:.1f} |"
+        sign = _SIGNS[Verdict.FAILED if fmu_report.get("objections") else Verdict(fmu_report["verdict"])]
+        yield f"| {sign} | {_escape(fmu_report['name'])} | {counts} | {fmu_report['seconds']:.1f} |"
     if len(examined) > _MOST_ROWS:
         yield f"| | and {len(examined) - _MOST_ROWS} more | | | | | |"
 
 
-def _item(kind: Verdict, one: dict[str, Any], finding: dict[str, Any]) -> str:
-    said = f"{_text(one['name'])}: **{_text(finding['check'])}** {_text(finding['sentence'])}"
+def _format_item(kind: Verdict, examined: dict[str, Any], finding: dict[str, Any]) -> str:
+    message = f"{_escape(examined['name'])}: **{_escape(finding['check'])}** {_escape(finding['sentence'])}"
     if kind == Verdict.FAILED:
         clause = finding["clause"]
-        said += f"<br>{_text(clause['document'])}, {_text(clause['section'])}: “{_text(clause['sentence'])}”"
-        said += f"<br>{_text(finding['hint'])}"
-    return f"- {_SIGNS[kind]} {said}"
+        document, section, sentence = (_escape(clause[name]) for name in ("document", "section", "sentence"))
+        message += f"<br>{document}, {section}: “{sentence}”"
+        message += f"<br>{_escape(finding['hint'])}"
+    return f"- {_SIGNS[kind]} {message}"
 
 
-def _text(text: object) -> str:
+def _escape(text: object) -> str:
     """Escape Markdown and HTML in a text, and shorten it to one line."""
-    line = " ".join(shorten_text(make_visible(text), _LONGEST).split())
+    line = " ".join(shorten_text(make_visible(text), _MAX_LENGTH).split())
     line = html.escape(line, quote=False)  # entities of quotation marks have a #, which is escaped below
-    return re.sub(r"[\\`*_{}\[\]()#+!|~@:]", lambda found: f"&#{ord(found[0])};", line)
+    return re.sub(r"[\\`*_{}\[\]()#+!|~@:]", lambda match: f"&#{ord(match[0])};", line)
 
 
 def main() -> None:

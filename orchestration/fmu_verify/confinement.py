@@ -41,18 +41,18 @@ class _Beneath(ctypes.Structure):
 
 
 @cache
-def _version() -> int:
+def _read_version() -> int:
     """Return the version of Landlock; 0 if the system does not have it or does not use it."""
     if sys.platform != "linux" or platform.machine() == "alpha":
         return 0
     with suppress(AttributeError, OSError):
-        return max(0, _call(_CREATE_RULESET, None, ctypes.c_size_t(0), ctypes.c_uint32(_ASK_VERSION)))
+        return max(0, _call_system(_CREATE_RULESET, None, ctypes.c_size_t(0), ctypes.c_uint32(_ASK_VERSION)))
     return 0
 
 
 def list_gaps() -> Iterator[str]:
     """Yield what `confine` cannot prevent on this system, as sentences."""
-    version = _version()
+    version = _read_version()
     if version == 0:
         yield (
             "Files outside: this system cannot confine an FMU (Linux 5.13 with Landlock can). It can "
@@ -66,7 +66,7 @@ def list_gaps() -> Iterator[str]:
 
 def can_confine() -> bool:
     """Return whether `confine` keeps a process from writing outside of its folders."""
-    return _version() >= _TRUNCATE_SINCE
+    return _read_version() >= _TRUNCATE_SINCE
 
 
 @cache
@@ -75,7 +75,7 @@ def confine_signals() -> None:
 
     An FMU in a copy of this process can still send some to this process: that is noticed.
     """
-    if _version() >= _SIGNALS_SINCE:
+    if _read_version() >= _SIGNALS_SINCE:
         _restrict(_Ruleset(0, 0, _SCOPE_SIGNALS), {})
 
 
@@ -91,28 +91,28 @@ def confine(writable: Iterable[Path]) -> bool:
     Returns:
         Whether the system confines the process.
     """
-    version = _version()
+    version = _read_version()
     if version == 0:
         return False
-    of_files = _WRITE_FILE | (_TRUNCATE if version >= _TRUNCATE_SINCE else 0)
-    every = of_files | _CHANGE_FOLDER | (_REFER if version >= _REFER_SINCE else 0)
-    rules = _Ruleset(every, 0, 0 if confine_signals.cache_info().currsize else _SCOPE_SIGNALS)
-    allowed = {path: every if path.is_dir() else of_files for path in (*writable, *DEVICES)}
+    file_rights = _WRITE_FILE | (_TRUNCATE if version >= _TRUNCATE_SINCE else 0)
+    all_rights = file_rights | _CHANGE_FOLDER | (_REFER if version >= _REFER_SINCE else 0)
+    rules = _Ruleset(all_rights, 0, 0 if confine_signals.cache_info().currsize else _SCOPE_SIGNALS)
+    allowed = {path: all_rights if path.is_dir() else file_rights for path in (*writable, *DEVICES)}
     _restrict(rules, allowed)
     return True
 
 
 def _restrict(rules: _Ruleset, allowed: Mapping[Path, int]) -> None:
     """Restrict this thread to what rules leave, and what is allowed on and beneath paths that exist."""
-    size = ctypes.sizeof(rules) if _version() >= _SIGNALS_SINCE else ctypes.sizeof(ctypes.c_uint64)
-    ruleset = _call(_CREATE_RULESET, ctypes.byref(rules), ctypes.c_size_t(size), ctypes.c_uint32(0))
+    size = ctypes.sizeof(rules) if _read_version() >= _SIGNALS_SINCE else ctypes.sizeof(ctypes.c_uint64)
+    ruleset = _call_system(_CREATE_RULESET, ctypes.byref(rules), ctypes.c_size_t(size), ctypes.c_uint32(0))
     try:
         for path, access in allowed.items():
             with suppress(FileNotFoundError):
-                place = os.open(path, os.O_PATH | os.O_CLOEXEC)
+                descriptor = os.open(path, os.O_PATH | os.O_CLOEXEC)
                 try:
-                    rule = ctypes.byref(_Beneath(access, place))
-                    _call(
+                    rule = ctypes.byref(_Beneath(access, descriptor))
+                    _call_system(
                         _ADD_RULE,
                         ctypes.c_int(ruleset),
                         ctypes.c_int(_PATH_BENEATH),
@@ -120,18 +120,18 @@ def _restrict(rules: _Ruleset, allowed: Mapping[Path, int]) -> None:
                         ctypes.c_uint32(0),
                     )
                 finally:
-                    os.close(place)
+                    os.close(descriptor)
         ctypes.CDLL(None).prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
-        _call(_RESTRICT_SELF, ctypes.c_int(ruleset), ctypes.c_uint32(0))
+        _call_system(_RESTRICT_SELF, ctypes.c_int(ruleset), ctypes.c_uint32(0))
     finally:
         os.close(ruleset)
 
 
-def _call(number: int, *arguments: Any) -> int:
+def _call_system(number: int, *arguments: Any) -> int:
     """Return the result of a system call. Raise OSError if it fails."""
     library: Any = ctypes.CDLL(None, use_errno=True)
     library.syscall.restype = ctypes.c_long
-    found = library.syscall(ctypes.c_long(number), *arguments)
-    if found < 0:
+    result = library.syscall(ctypes.c_long(number), *arguments)
+    if result < 0:
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
-    return int(found)
+    return int(result)

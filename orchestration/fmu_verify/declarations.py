@@ -239,8 +239,8 @@ class Declarations:
 
     def states(self) -> set[int]:
         """Return the indices of continuous-time states, without invalid references."""
-        found = (self.variable(v.derivative) for v in self.derivatives.variables)
-        return {v.index for v in found if v is not None}
+        states = (self.variable(v.derivative) for v in self.derivatives.variables)
+        return {v.index for v in states if v is not None}
 
     def share_value(self, variable: DeclaredVariable) -> list[DeclaredVariable]:
         """Return a variable and its aliases: those of its base type with its value reference."""
@@ -248,10 +248,10 @@ class Declarations:
 
     @cached_property
     def _by_value(self) -> dict[tuple[str, int], list[DeclaredVariable]]:
-        found: dict[tuple[str, int], list[DeclaredVariable]] = defaultdict(list)
+        variables_by_value: dict[tuple[str, int], list[DeclaredVariable]] = defaultdict(list)
         for variable in self.variables:
-            found[variable.value_key].append(variable)
-        return found
+            variables_by_value[variable.value_key].append(variable)
+        return variables_by_value
 
     @property
     def alias_sets(self) -> list[list[DeclaredVariable]]:
@@ -273,8 +273,8 @@ class Declarations:
             if dimension.size is not None:
                 yield dimension.size
                 continue
-            named = self.variable(dimension.index or 0)
-            start = "" if named is None else (named.start or "").strip()
+            size_variable = self.variable(dimension.index or 0)
+            start = "" if size_variable is None else (size_variable.start or "").strip()
             yield int(start) if start.isdigit() else None
 
 
@@ -282,25 +282,27 @@ def read_declarations(root: Any, version: int) -> Declarations:
     """Read the declarations from the root element of a valid model description of FMI 2.0 or 3.0."""
     variable_tag, type_tag = ("*", "*") if version == 3 else ("ScalarVariable", "SimpleType")
     elements = list(root.iterfind(f"ModelVariables/{variable_tag}"))
-    find_place: Callable[[str], int] = int
+    find_position: Callable[[str], int] = int
     if version == 3:
-        places: dict[int, int] = {}
-        for place, element in enumerate(elements, start=1):
-            places.setdefault(int(element.get("valueReference")), place)
-        find_place = lambda reference: places.get(int(reference), -1 - int(reference))  # noqa: E731
-    types = tuple(_type(e, version) for e in root.iterfind(f"TypeDefinitions/{type_tag}"))
+        position_by_reference: dict[int, int] = {}
+        for position, element in enumerate(elements, start=1):
+            position_by_reference.setdefault(int(element.get("valueReference")), position)
+        find_position = lambda reference: position_by_reference.get(int(reference), -1 - int(reference))  # noqa: E731
+    types = tuple(_read_type(e, version) for e in root.iterfind(f"TypeDefinitions/{type_tag}"))
     by_name = {t.name: t for t in reversed(types)}
 
-    variables = tuple(_variable(i, e, version, by_name, find_place) for i, e in enumerate(elements, 1))
+    variables = tuple(
+        _read_variable(i, e, version, by_name, find_position) for i, e in enumerate(elements, 1)
+    )
     by_index = {v.index: v for v in variables}
 
     def read_list(name: str) -> UnknownList:
         path, reference = (LISTS_3[name], "valueReference") if version == 3 else (f"{name}/Unknown", "index")
         unknowns = tuple(
             DeclaredUnknown(
-                index := find_place(e.get(reference)),
+                index := find_position(e.get(reference)),
                 by_index.get(index),
-                _places(e.get("dependencies"), find_place),
+                _find_positions(e.get("dependencies"), find_position),
                 None if (kinds := e.get("dependenciesKind")) is None else tuple(kinds.split()),
             )
             for e in root.iterfind(f"ModelStructure/{path}")
@@ -309,7 +311,7 @@ def read_declarations(root: Any, version: int) -> Declarations:
 
     return Declarations(
         variables,
-        tuple(_unit(e) for e in root.iterfind("UnitDefinitions/Unit")),
+        tuple(_read_unit(e) for e in root.iterfind("UnitDefinitions/Unit")),
         types,
         *(read_list(name) for name in LISTS_3),
         version=version,
@@ -321,29 +323,29 @@ def find_repeated(names: Iterable[_T]) -> list[_T]:
     return [name for name, count in Counter(names).items() if count > 1]
 
 
-def _places(words: str | None, find_place: Callable[[str], int]) -> tuple[int, ...] | None:
-    return None if words is None else tuple(find_place(word) for word in words.split())
+def _find_positions(words: str | None, find_position: Callable[[str], int]) -> tuple[int, ...] | None:
+    return None if words is None else tuple(find_position(word) for word in words.split())
 
 
-def _variable(
+def _read_variable(
     index: int,
     element: Any,
     version: int,
     types: Mapping[str, DeclaredType],
-    find_place: Callable[[str], int],
+    find_position: Callable[[str], int],
 ) -> DeclaredVariable:
-    value = _typed(element, version)
-    own = dict(value.attrib)
-    if "derivative" in own:
-        own["derivative"] = str(find_place(own["derivative"]))
-    if (starts := element.findall("Start")) and "start" not in own:
-        own["start"] = " ".join(start.get("value", "") for start in starts)
+    value = _find_typed_element(element, version)
+    own_attributes = dict(value.attrib)
+    if "derivative" in own_attributes:
+        own_attributes["derivative"] = str(find_position(own_attributes["derivative"]))
+    if (starts := element.findall("Start")) and "start" not in own_attributes:
+        own_attributes["start"] = " ".join(start.get("value", "") for start in starts)
     causality, variability = element.get("causality", "local"), element.get("variability")
     if variability is None and version == 3 and causality in _PARAMETERS:
         variability = "fixed"
     elif variability is None:
         variability = "continuous" if version == 2 or value.tag in REAL else "discrete"
-    declared_type = types.get(own.get("declaredType", ""))
+    declared_type = types.get(own_attributes.get("declaredType", ""))
     aliases = element.findall("Alias")
     return DeclaredVariable(
         index=index,
@@ -353,39 +355,39 @@ def _variable(
         variability=variability,
         given_initial=element.get("initial"),
         type=value.tag,
-        own=own,
-        attributes={**(declared_type.attributes if declared_type else {}), **own},
+        own=own_attributes,
+        attributes={**(declared_type.attributes if declared_type else {}), **own_attributes},
         multiple_sets=element.get("canHandleMultipleSetPerTimeInstant", ""),
         aliases=tuple(e.get("name", "") for e in aliases),
         alias_display_units=tuple(text for e in aliases if (text := e.get("displayUnit")) is not None),
-        dimensions=tuple(_dimension(e, find_place) for e in element.iterfind("Dimension")),
-        clocks=_places(own.get("clocks"), find_place),
-        previous=find_place(own["previous"]) if "previous" in own else None,
-        starts=len(starts) or len(own.get("start", "").split()),
+        dimensions=tuple(_read_dimension(e, find_position) for e in element.iterfind("Dimension")),
+        clocks=_find_positions(own_attributes.get("clocks"), find_position),
+        previous=find_position(own_attributes["previous"]) if "previous" in own_attributes else None,
+        starts=len(starts) or len(own_attributes.get("start", "").split()),
         version=version,
     )
 
 
-def _dimension(element: Any, find_place: Callable[[str], int]) -> Dimension:
+def _read_dimension(element: Any, find_position: Callable[[str], int]) -> Dimension:
     size, reference = element.get("start"), element.get("valueReference")
     return Dimension(
-        None if size is None else int(size), None if reference is None else find_place(reference)
+        None if size is None else int(size), None if reference is None else find_position(reference)
     )
 
 
-def _typed(element: Any, version: int) -> Any:
+def _find_typed_element(element: Any, version: int) -> Any:
     """Return the element with the type of a variable or type: in FMI 2.0 a child."""
     return element if version == 3 else next(child for child in element.iterchildren(*TYPES))
 
 
-def _type(element: Any, version: int) -> DeclaredType:
-    value = _typed(element, version)
+def _read_type(element: Any, version: int) -> DeclaredType:
+    value = _find_typed_element(element, version)
     attributes = {name: text for name, text in value.attrib.items() if name not in ("name", "description")}
     items = tuple(dict(e.attrib) for e in value.iterfind("Item"))
     return DeclaredType(element.get("name"), value.tag.removesuffix("Type"), attributes, items)
 
 
-def _unit(element: Any) -> DeclaredUnit:
+def _read_unit(element: Any) -> DeclaredUnit:
     base = element.find("BaseUnit")
     display = tuple(dict(e.attrib) for e in element.iterfind("DisplayUnit"))
     return DeclaredUnit(element.get("name"), None if base is None else dict(base.attrib), display)

@@ -30,17 +30,18 @@ _UNPACKS = "archive.safe"
 def examine_fmu(
     subject: Subject,
     progress: Callable[[Finding], None] = lambda _: None,
-    done: Sequence[Finding] = (),
+    earlier_findings: Sequence[Finding] = (),
 ) -> Examined:
     """Examine an FMU.
 
     Args:
         subject: The FMU.
         progress: Called with the finding of each completed check.
-        done: Findings of an earlier examination, whose process ended; these checks do not run again.
+        earlier_findings: Findings of an earlier examination, whose process ended. These checks do not
+            run again.
     """
     start = time.monotonic()
-    earlier = {f.check: f for f in done}
+    earlier = {f.check: f for f in earlier_findings}
     findings: dict[str, Finding] = {}
     with closing(CheckRunner(subject, subject.settings)) as runner:
         for check in select_needed_checks(subject.settings):

@@ -35,7 +35,7 @@ class ExaminerJob(NamedTuple):
     path: Path
     settings: Settings
     name: str
-    given: Path
+    requested_path: Path
     system: SystemKind | None = None
     done: tuple[Finding, ...] = ()
 

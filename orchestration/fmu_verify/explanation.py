@@ -12,12 +12,14 @@ from .settings import Settings
 def shorten_names(names: Sequence[str]) -> list[str]:
     """Shorten paths to the last parts that distinguish them."""
     paths = [Path(name) for name in names]
-    found = [path.name for path in paths]
+    short_names = [path.name for path in paths]
     for depth in range(2, max((len(p.parts) for p in paths), default=0) + 1):
-        count = Counter(found)
+        count = Counter(short_names)
         clashes = {n for n, k in count.items() if k > 1}
-        found = ["/".join(p.parts[-depth:]) if n in clashes else n for p, n in zip(paths, found, strict=True)]
-    return found
+        short_names = [
+            "/".join(p.parts[-depth:]) if n in clashes else n for p, n in zip(paths, short_names, strict=True)
+        ]
+    return short_names
 
 
 def explain_finding(examined: Examined, finding: Finding, most: int | None = None) -> str:
@@ -26,9 +28,9 @@ def explain_finding(examined: Examined, finding: Finding, most: int | None = Non
     if more := len(finding.outcome.details) - len(details):
         details.append(f"and {more} more")
     clause = f"{finding.clause}: \u201c{finding.clause.sentence}\u201d"
-    done = f"What was done: {finding.done}" if finding.done else ""
+    procedure = f"What was done: {finding.done}" if finding.done else ""
     repeat = f"Repeat it: {format_command(examined, finding)}"
-    parts = (finding.sentence, "\n".join(details), clause, done, finding.hint, repeat)
+    parts = (finding.sentence, "\n".join(details), clause, procedure, finding.hint, repeat)
     return "\n\n".join(part for part in parts if part)
 
 

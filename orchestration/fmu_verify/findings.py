@@ -116,17 +116,17 @@ class Findings:
     @property
     def passed(self) -> bool:
         """Whether all checks ran, and all FMUs passed."""
-        return self.complete and all(one.passed for one in self.examined)
+        return self.complete and all(examined.passed for examined in self.examined)
 
     @property
     def failures(self) -> list[tuple[Path, Finding]]:
         """Every failed check, with the path of its FMU."""
-        return [(one.path, f) for one in self.examined for f in one.of(Verdict.FAILED)]
+        return [(examined.path, f) for examined in self.examined for f in examined.of(Verdict.FAILED)]
 
     @property
     def counts(self) -> Counter[Verdict]:
         """The number of checks with each verdict."""
-        return Counter(f.verdict for one in self.examined for f in one.findings)
+        return Counter(f.verdict for examined in self.examined for f in examined.findings)
 
     def __getitem__(self, path: str | Path) -> Examined:
         """Return the findings about one FMU by its name, path or file name.
@@ -134,14 +134,14 @@ class Findings:
         Raises:
             KeyError: The report has no such FMU.
         """
-        for one in self.examined:
-            if str(path) in (one.label, str(one.path), one.path.name):
-                return one
+        for examined in self.examined:
+            if str(path) in (examined.label, str(examined.path), examined.path.name):
+                return examined
         raise KeyError(str(path))
 
 
-def worst(findings: Sequence[Finding]) -> Verdict:
+def find_worst(findings: Sequence[Finding]) -> Verdict:
     """Return the worst verdict: failed, warning, passed; skipped if all checks were skipped."""
-    found = {f.verdict for f in findings}
+    verdicts = {f.verdict for f in findings}
     order = (Verdict.FAILED, Verdict.WARNING, Verdict.PASSED)
-    return next((v for v in order if v in found), Verdict.SKIPPED)
+    return next((v for v in order if v in verdicts), Verdict.SKIPPED)

@@ -33,14 +33,14 @@ def find_objections(findings: Sequence[Finding], settings: Settings) -> tuple[st
 
 def _yield_objections(findings: Sequence[Finding], settings: Settings) -> Iterator[str]:
     failed = {f"It needs {f.check}, which failed." for f in findings if f.verdict == Verdict.FAILED}
-    if lost := [f for f in findings if f.outcome.blocked and f.sentence not in failed]:
-        count = "1 check" if len(lost) == 1 else f"{len(lost)} checks"
-        yield f"{count} could not run. {lost[0].check}: {lost[0].sentence}"
-    for one in settings.fail_on:
-        if found := [f.check for f in findings if f.verdict == _VERDICTS[Strictness(one)]]:
-            word = "warned" if one == Strictness.WARNING else "was skipped"
-            others = f", and {len(found) - 1} more" if len(found) > 1 else ""
-            yield f"--fail-on {one}: {found[0]} {word}{others}."
+    if blocked := [f for f in findings if f.outcome.blocked and f.sentence not in failed]:
+        count = "1 check" if len(blocked) == 1 else f"{len(blocked)} checks"
+        yield f"{count} could not run. {blocked[0].check}: {blocked[0].sentence}"
+    for strictness in settings.fail_on:
+        if checks := [f.check for f in findings if f.verdict == _VERDICTS[Strictness(strictness)]]:
+            word = "warned" if strictness == Strictness.WARNING else "was skipped"
+            more = f", and {len(checks) - 1} more" if len(checks) > 1 else ""
+            yield f"--fail-on {strictness}: {checks[0]} {word}{more}."
     for pattern in settings.must_run:
         for f in findings:
             if f.verdict == Verdict.SKIPPED and is_selected_by(pattern, f.check):

@@ -47,7 +47,7 @@ from emla_cosim.base.tubes.signal_check import Comparison
 from emla_cosim.pages.plain import to_plain
 
 from .explanation import format_command
-from .findings import Examined, Finding, Findings, worst
+from .findings import Examined, Finding, Findings, find_worst
 from .report_files import JSON_FORMAT
 from .verdict import Verdict
 
@@ -66,7 +66,7 @@ def as_dict(report: Findings) -> dict[str, Any]:
             "passed": report.passed,
             "complete": report.complete,
             "counts": {verdict.value: report.counts[verdict] for verdict in Verdict},
-            "examined": [_examined(one) for one in report.examined],
+            "examined": [_describe_report(examined) for examined in report.examined],
         }
     )
 
@@ -76,21 +76,21 @@ def render(report: Findings) -> str:
     return json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n"
 
 
-def _examined(one: Examined) -> dict[str, Any]:
+def _describe_report(examined: Examined) -> dict[str, Any]:
     return {
-        "name": one.label,
-        "path": str(one.path),
-        "passed": one.passed,
-        "verdict": worst(one.findings).value,
-        "objections": one.objections,
-        "not_examined": one.not_examined,
-        "seconds": one.seconds,
-        "facts": one.facts,
-        "findings": [_finding(one, finding) for finding in one.findings],
+        "name": examined.label,
+        "path": str(examined.path),
+        "passed": examined.passed,
+        "verdict": find_worst(examined.findings).value,
+        "objections": examined.objections,
+        "not_examined": examined.not_examined,
+        "seconds": examined.seconds,
+        "facts": examined.facts,
+        "findings": [_describe_finding(examined, finding) for finding in examined.findings],
     }
 
 
-def _finding(one: Examined, finding: Finding) -> dict[str, Any]:
+def _describe_finding(examined: Examined, finding: Finding) -> dict[str, Any]:
     clause, outcome = finding.clause, finding.outcome
     return {
         "check": finding.check,
@@ -101,20 +101,20 @@ def _finding(one: Examined, finding: Finding) -> dict[str, Any]:
         "details": outcome.details,
         "clause": {"document": clause.document, "section": clause.section, "sentence": clause.sentence},
         "hint": finding.hint,
-        "repeat": format_command(one, finding),
+        "repeat": format_command(examined, finding),
         "seconds": finding.seconds,
         "figures": outcome.figures,
-        "comparisons": [_comparison(one) for one in outcome.comparisons],
+        "comparisons": [_describe_comparison(examined) for examined in outcome.comparisons],
     }
 
 
-def _comparison(one: Comparison) -> dict[str, Any]:
+def _describe_comparison(comparison: Comparison) -> dict[str, Any]:
     return {
-        "signal": one.signal,
-        "unit": one.unit,
-        "inside": one.inside,
-        "worst": one.worst,
-        "worst_at": one.worst_at,
-        "left_at": one.left_at,
-        "tube": {"value": one.tube.value, "time": one.tube.time},
+        "signal": comparison.signal,
+        "unit": comparison.unit,
+        "inside": comparison.inside,
+        "worst": comparison.worst,
+        "worst_at": comparison.worst_at,
+        "left_at": comparison.left_at,
+        "tube": {"value": comparison.tube.value, "time": comparison.tube.time},
     }

@@ -14,69 +14,77 @@ from .verdict import Verdict
 
 def render(report: Findings) -> str:
     """Return the report as JUnit XML."""
-    names = shorten_names([one.label for one in report.examined])
-    objections = sum(len(one.objections) for one in report.examined)
-    root = _element(
+    names = shorten_names([examined.label for examined in report.examined])
+    objections = sum(len(examined.objections) for examined in report.examined)
+    root = _make_element(
         "testsuites",
         name="emla verify",
         tests=sum(report.counts.values()) + objections,
         failures=report.counts[Verdict.FAILED] + objections,
         errors=0,
-        time=_time(sum(one.seconds for one in report.examined)),
+        time=_format_seconds(sum(examined.seconds for examined in report.examined)),
     )
-    root.extend(_suite(one, name, report) for one, name in zip(report.examined, names, strict=True))
+    root.extend(
+        _build_suite(examined, name, report) for examined, name in zip(report.examined, names, strict=True)
+    )
     etree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
 
 
-def _suite(one: Examined, name: str, report: Findings) -> Any:
-    suite = _element(
+def _build_suite(examined: Examined, name: str, report: Findings) -> Any:
+    suite = _make_element(
         "testsuite",
-        name=one.label,
-        tests=len(one.findings) + len(one.objections),
-        failures=len(one.of(Verdict.FAILED)) + len(one.objections),
+        name=examined.label,
+        tests=len(examined.findings) + len(examined.objections),
+        failures=len(examined.of(Verdict.FAILED)) + len(examined.objections),
         errors=0,
-        skipped=len(one.of(Verdict.SKIPPED)),
-        time=_time(one.seconds),
+        skipped=len(examined.of(Verdict.SKIPPED)),
+        time=_format_seconds(examined.seconds),
         timestamp=report.started,
     )
-    properties = _element("properties")
-    facts = {"emla-cosim": report.version, **one.facts}
-    properties.extend(_element("property", name=fact, value=value) for fact, value in facts.items())
+    properties = _make_element("properties")
+    facts = {"emla-cosim": report.version, **examined.facts}
+    properties.extend(_make_element("property", name=fact, value=value) for fact, value in facts.items())
     suite.append(properties)
-    suite.extend(_case(one, finding, _class_name(name)) for finding in one.findings)
-    for sentence in one.objections:  # why an FMU does not pass although no check failed
-        case = _element("testcase", classname=_class_name(name), name="fully verified", time=_time(0.0))
-        case.append(_element("failure", sentence, type="not passed", message=sentence))
+    suite.extend(_build_case(examined, finding, _make_class_name(name)) for finding in examined.findings)
+    for sentence in examined.objections:  # why an FMU does not pass although no check failed
+        case = _make_element(
+            "testcase", classname=_make_class_name(name), name="fully verified", time=_format_seconds(0.0)
+        )
+        case.append(_make_element("failure", sentence, type="not passed", message=sentence))
         suite.append(case)
-    if one.not_examined:
-        suite.append(_element("system-out", "\n".join(["Not examined:", *one.not_examined])))
+    if examined.not_examined:
+        suite.append(_make_element("system-out", "\n".join(["Not examined:", *examined.not_examined])))
     return suite
 
 
-def _class_name(label: str) -> str:
+def _make_class_name(label: str) -> str:
     """Return the class name by which CI systems group cases: folders as packages, no other dots."""
     return label.removesuffix(".fmu").replace(".", "_").replace("/", ".")
 
 
-def _case(one: Examined, finding: Finding, class_name: str) -> Any:
-    case = _element("testcase", classname=class_name, name=finding.check, time=_time(finding.seconds))
+def _build_case(examined: Examined, finding: Finding, class_name: str) -> Any:
+    case = _make_element(
+        "testcase", classname=class_name, name=finding.check, time=_format_seconds(finding.seconds)
+    )
     if finding.verdict == Verdict.FAILED:
         case.append(
-            _element("failure", explain_finding(one, finding), type=finding.check, message=finding.sentence)
+            _make_element(
+                "failure", explain_finding(examined, finding), type=finding.check, message=finding.sentence
+            )
         )
     elif finding.verdict == Verdict.SKIPPED:
-        case.append(_element("skipped", message=finding.sentence))
+        case.append(_make_element("skipped", message=finding.sentence))
     elif finding.verdict == Verdict.WARNING:
-        case.append(_element("system-out", f"Warning: {explain_finding(one, finding)}"))
+        case.append(_make_element("system-out", f"Warning: {explain_finding(examined, finding)}"))
     return case
 
 
-def _time(seconds: float) -> str:
+def _format_seconds(seconds: float) -> str:
     return f"{seconds if math.isfinite(seconds) else 0.0:.3f}"
 
 
-def _element(tag: str, text: str | None = None, **attributes: Any) -> Any:
+def _make_element(tag: str, text: str | None = None, **attributes: Any) -> Any:
     element = etree.Element(tag, {name: make_visible(value) for name, value in attributes.items()})
     if text is not None:
         element.text = make_visible(text)

@@ -157,12 +157,12 @@ def find_element_problems(root: Any, rule: ElementRule) -> Iterator[str]:
 
 def _find_problems(element: Any, rule: ElementRule) -> Iterator[str]:
     where = f"line {element.sourceline}: {rule.name}"
-    given = {name: text for name, text in element.attrib.items() if not name.startswith("{")}
+    attributes = {name: text for name, text in element.attrib.items() if not name.startswith("{")}
     patterns = {**rule.required, **rule.optional}
     for name in rule.required:
-        if name not in given:
+        if name not in attributes:
             yield f"{where} has no attribute {name}."
-    for name, text in given.items():
+    for name, text in attributes.items():
         if name not in patterns:
             yield f"{where} cannot have the attribute {name}."
         elif not re.fullmatch(patterns[name], text, re.DOTALL):

@@ -10,7 +10,7 @@ from typing import Any
 
 from emla_cosim.fmu.shared_library import missing_bytes
 
-from .binary_headers import NAMES_OF_VERSION_2, wanted_target
+from .binary_headers import NAMES_OF_VERSION_2, parse_platform
 from .subject import Subject
 
 _EXTERNAL, _DEBUG_OR_PRIVATE, _TYPE, _IN_SECTION = 0x01, 0xF0, 0x0E, 0x0E
@@ -55,7 +55,7 @@ def list_libraries(subject: Subject) -> list[Library]:
 
 def find_suffix(folder: str) -> str:
     """Return the suffix of libraries in the folder of a platform; empty if its name is not standardized."""
-    target = wanted_target(folder)
+    target = parse_platform(folder)
     return "" if target is None else _OF_SYSTEM[target[0]]
 
 
@@ -79,10 +79,10 @@ def parse_library(path: Path) -> Any:
     if missing_bytes(path):
         return None
     with suppress(Exception):  # LIEF raises several kinds
-        found = lief.parse(str(path))
-        if isinstance(found, lief.MachO.FatBinary):
-            return found.at(0)
-        return found
+        binary = lief.parse(str(path))
+        if isinstance(binary, lief.MachO.FatBinary):
+            return binary.at(0)
+        return binary
     return None
 
 
@@ -94,19 +94,22 @@ def list_functions(kind: str, version: int) -> tuple[str, ...]:
         return tuple(re.findall(r"FMI3_Export\s+fmi3\w+TYPE\s+(fmi3\w+);", header))
     title = {"ModelExchange": "Model Exchange", "CoSimulation": "Co-Simulation"}[kind]
     parts = re.split(r"/\*{9,}\s*(.+?)\s*\*{9,}/", header)
-    wanted = [
+    bodies = [
         body
         for name, body in zip(parts[1::2], parts[2::2], strict=True)
         if name.endswith((title, "Common Functions"))
     ]
-    return tuple(re.findall(r"fmi2FullName\((fmi2\w+)\)", "".join(wanted)))
+    return tuple(re.findall(r"fmi2FullName\((fmi2\w+)\)", "".join(bodies)))
 
 
 def list_exports(binary: Any) -> set[str]:
     """Return the C names of the functions that a library exports."""
     import lief
 
-    names = {str(one.name) for one in (*binary.exported_functions, *getattr(binary, "exported_symbols", ()))}
+    names = {
+        str(function.name)
+        for function in (*binary.exported_functions, *getattr(binary, "exported_symbols", ()))
+    }
     if not isinstance(binary, lief.MachO.Binary):
         return names
     # older linkers write no export trie: symbols that are defined in the library and visible outside
@@ -121,5 +124,5 @@ def list_needed_libraries(binary: Any) -> list[str]:
 
     if not isinstance(binary, lief.MachO.Binary):
         return [str(name) for name in binary.libraries]
-    own = lief.MachO.LoadCommand.TYPE.ID_DYLIB
-    return [str(command.name) for command in binary.libraries if command.command != own]
+    name_of_library = lief.MachO.LoadCommand.TYPE.ID_DYLIB
+    return [str(command.name) for command in binary.libraries if command.command != name_of_library]

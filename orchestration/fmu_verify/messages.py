@@ -37,20 +37,20 @@ def judge_problems(
         gaps: What the check could not judge.
     """
     lines = [
-        (shorten_sentence(one.message), one.clause)
-        if isinstance(one, Breach)
-        else (shorten_sentence(one), None)
-        for one in (*problems, *doubts)
+        (shorten_sentence(problem.message), problem.clause)
+        if isinstance(problem, Breach)
+        else (shorten_sentence(problem), None)
+        for problem in (*problems, *doubts)
     ]
     if not lines:
         return passed(fine, gaps=gaps)
-    said, clause = lines[0]
+    message, clause = lines[0]
     if more := len(lines) - 1:
-        said += " There is one more place." if more == 1 else f" There are {more} more places."
+        message += " There is one more place." if more == 1 else f" There are {more} more places."
     if len(lines) > MOST:
         lines[MOST:] = [(f"There are {len(lines) - MOST} more.", None)]
     make = failed if problems else warned
-    return make(said, lines=tuple(lines) if more else (), clause=clause, gaps=gaps)
+    return make(message, lines=tuple(lines) if more else (), clause=clause, gaps=gaps)
 
 
 def shorten_sentence(text: str) -> str:
@@ -59,18 +59,18 @@ def shorten_sentence(text: str) -> str:
     return line if len(line) <= LONGEST else f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
 
 
-def list_left_out(done: int, total: int, what: str) -> tuple[str, ...]:
+def list_left_out(examined: int, total: int, description: str) -> tuple[str, ...]:
     """Return a gap for *Not examined* if not all were done: `Only 3 of 9 Strings were read.`"""
-    return (f"Only {done} of {total} {what}",) if done < total else ()
+    return (f"Only {examined} of {total} {description}",) if examined < total else ()
 
 
 def join_few_names(names: Sequence[str], most: int = 5) -> str:
     """Join names with commas, at most `most`, followed by the number of the others."""
-    shown = ", ".join(names[:most])
-    return f"{shown} and {len(names) - most} more" if len(names) > most else shown
+    first_names = ", ".join(names[:most])
+    return f"{first_names} and {len(names) - most} more" if len(names) > most else first_names
 
 
 def sentence(text: object) -> str:
     """Capitalize the message of an error. Leave out the advice to use an option of other commands."""
-    said = _ADVICE.sub("", str(text))
-    return said[:1].upper() + said[1:]
+    message = _ADVICE.sub("", str(text))
+    return message[:1].upper() + message[1:]

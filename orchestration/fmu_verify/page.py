@@ -12,7 +12,7 @@ from emla_cosim.pages.comparisons import build_comparison_rows
 from emla_cosim.pages.page import Plots, render_template
 
 from .explanation import format_command, shorten_names
-from .findings import Examined, Finding, Findings, worst
+from .findings import Examined, Finding, Findings, find_worst
 from .verdict import Verdict
 
 _MOST_ROWS = 200
@@ -22,10 +22,10 @@ _MOST_ROWS = 200
 def render(report: Findings) -> str:
     """Return the HTML of the page."""
     plots = Plots()
-    names = shorten_names([one.label for one in report.examined])
+    names = shorten_names([examined.label for examined in report.examined])
     parts = [
-        _FmuPart(k, one, name, plots)
-        for k, (one, name) in enumerate(zip(report.examined, names, strict=True), 1)
+        _FmuPart(k, examined, name, plots)
+        for k, (examined, name) in enumerate(zip(report.examined, names, strict=True), 1)
     ]
     groups = list(dict.fromkeys(group for part in parts for group in part.groups))
     return render_template(
@@ -37,9 +37,9 @@ def render(report: Findings) -> str:
         groups=groups,
         verdicts=list(Verdict),
         headline=describe_verdict(report),
-        thing=_thing(report),
-        started=_moment(report.started),
-        seconds=sum(one.seconds for one in report.examined),
+        thing=_name_subject(report),
+        started=_format_time(report.started),
+        seconds=sum(examined.seconds for examined in report.examined),
     )
 
 
@@ -65,16 +65,17 @@ def render_cell(report: Findings) -> str:
 class _FmuPart:
     """One FMU, for the template of the page."""
 
-    def __init__(self, index: int, one: Examined, name: str, plots: Plots) -> None:
-        self.id, self.one, self.name = f"fmu-{index}", one, name
+    def __init__(self, index: int, examined: Examined, name: str, plots: Plots) -> None:
+        self.id, self.examined, self.name = f"fmu-{index}", examined, name
         self.rows = [
-            _FindingRow(f"{self.id}-{_word(f.check)}", f, plots, format_command(one, f)) for f in one.findings
+            _FindingRow(f"{self.id}-{_make_id(f.check)}", f, plots, format_command(examined, f))
+            for f in examined.findings
         ]
 
     @property
     def verdict(self) -> Verdict:
         """The worst verdict."""
-        return _worst(self.rows)
+        return _find_worst(self.rows)
 
     @property
     def counts(self) -> Counter[Verdict]:
@@ -84,10 +85,13 @@ class _FmuPart:
     @cached_property
     def groups(self) -> dict[str, "_CheckGroup"]:
         """Findings by group of checks."""
-        found: dict[str, list[_FindingRow]] = {}
+        rows_by_group: dict[str, list[_FindingRow]] = {}
         for row in self.rows:
-            found.setdefault(row.finding.check.partition(".")[0], []).append(row)
-        return {name: _CheckGroup(f"{self.id}-{_word(name)}-checks", rows) for name, rows in found.items()}
+            rows_by_group.setdefault(row.finding.check.partition(".")[0], []).append(row)
+        return {
+            name: _CheckGroup(f"{self.id}-{_make_id(name)}-checks", rows)
+            for name, rows in rows_by_group.items()
+        }
 
 
 @dataclass(frozen=True)
@@ -100,7 +104,7 @@ class _CheckGroup:
     @property
     def verdict(self) -> Verdict:
         """The worst verdict."""
-        return _worst(self.rows)
+        return _find_worst(self.rows)
 
     @property
     def count(self) -> int:
@@ -121,37 +125,41 @@ class _FindingRow:
         return self.finding.verdict in (Verdict.FAILED, Verdict.WARNING) and bool(self.finding.hint)
 
 
-def _worst(rows: Sequence[_FindingRow]) -> Verdict:
-    return worst([row.finding for row in rows])
+def _find_worst(rows: Sequence[_FindingRow]) -> Verdict:
+    return find_worst([row.finding for row in rows])
 
 
-def _word(name: str) -> str:
+def _make_id(name: str) -> str:
     """Replace the characters that an HTML id must not have."""
     return re.sub(r"[^\w.-]", "_", name)
 
 
 def describe_verdict(report: Findings) -> str:
     """Return the verdict on all FMUs as a sentence without a full stop."""
-    said = _verdict_of_all(report)
-    return said if report.complete else f"Interrupted: {said[0].lower()}{said[1:]}"
+    message = _describe_verdict_of_all(report)
+    return message if report.complete else f"Interrupted: {message[0].lower()}{message[1:]}"
 
 
-def _verdict_of_all(report: Findings) -> str:
-    count, thing = len(report.examined), _thing(report)
-    bad = sum(not one.passed for one in report.examined)
-    how = "failed" if bad else "passed"
+def _describe_verdict_of_all(report: Findings) -> str:
+    count, thing = len(report.examined), _name_subject(report)
+    failed_count = sum(not examined.passed for examined in report.examined)
+    verb = "failed" if failed_count else "passed"
     if count == 1:
-        return f"The {thing} {how}"
-    return f"{bad} of {count} {thing}s {how}" if 0 < bad < count else f"All {count} {thing}s {how}"
+        return f"The {thing} {verb}"
+    return (
+        f"{failed_count} of {count} {thing}s {verb}"
+        if 0 < failed_count < count
+        else f"All {count} {thing}s {verb}"
+    )
 
 
-def _thing(report: Findings) -> str:
+def _name_subject(report: Findings) -> str:
     """Return what was examined: `FMU` or `system`."""
-    systems = [one.path.suffix.lower() not in ("", ".fmu") for one in report.examined]
+    systems = [examined.path.suffix.lower() not in ("", ".fmu") for examined in report.examined]
     return "system" if systems and all(systems) else "FMU"
 
 
-def _moment(text: str) -> dict[str, Any]:
+def _format_time(text: str) -> dict[str, Any]:
     """Format an ISO time for machines and for people; keep any other text."""
     try:
         return {

@@ -41,16 +41,16 @@ class NoFilesError(Exception):
 
 def find_files(globs: str) -> list[str]:
     """Return the files that match globs, in their order. Raise NoFilesError if one matches none."""
-    found: list[str] = []
+    files: list[str] = []
     for pattern in filter(None, globs.splitlines()):
         # Path.glob has no absolute patterns; a name with brackets is a name, too
         matches = sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207
         if not matches and not Path(pattern).exists():
             raise NoFilesError(f"The input fmus has '{pattern}', which matches no file.")
-        found += matches or [pattern]
-    if not found:
+        files += matches or [pattern]
+    if not files:
         raise NoFilesError("The input fmus is empty.")
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(files))
 
 
 def list_options(environment: Mapping[str, str]) -> Iterator[str]:

@@ -76,12 +76,12 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if (shared := _worker_data(config)) is not None:
         config.stash[_FMUS] = shared["fmus"]
         return
-    found = list(_match_files(_texts(config, "fmu"), config.invocation_params.dir, "--fmu"))
+    paths = list(_match_files(_read_option(config, "fmu"), config.invocation_params.dir, "--fmu"))
     if config.args_source != pytest.Config.ArgsSource.ARGS:
-        found += _match_files(config.getini("fmus"), config.rootpath, "fmus")
-    if found:
-        _settings(config)  # report errors in options once, not for each FMU
-    config.stash[_FMUS] = list(dict.fromkeys(found))
+        paths += _match_files(config.getini("fmus"), config.rootpath, "fmus")
+    if paths:
+        _read_settings(config)  # report errors in options once, not for each FMU
+    config.stash[_FMUS] = list(dict.fromkeys(paths))
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -107,9 +107,9 @@ def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.It
 
     The FMUs cannot be arguments of pytest: it ignores arguments inside of others, and folders like `build`.
     """
-    named = {item.path for item in items if isinstance(item, FmuItem)}
+    collected = {item.path for item in items if isinstance(item, FmuItem)}
     for path in map(Path, session.config.stash[_FMUS]):
-        if path not in named:
+        if path not in collected:
             items += session.genitems(FmuCollector.from_parent(session, path=path))
 
 
@@ -122,7 +122,7 @@ class FmuCollector(pytest.File):
         """Yield a test for each selected check."""
         from .examination import select_checks
 
-        for check in select_checks(_settings(self.config)):
+        for check in select_checks(_read_settings(self.config)):
             item = FmuItem.from_parent(self, name=check.name)
             item.add_marker(pytest.mark.fmu(check=check.name, group=check.group))
             yield item
@@ -136,10 +136,10 @@ class FmuCollector(pytest.File):
         """
         selected = [i.name for i in self.session.items if i.parent is self]
         if self._examined is None:
-            self._examined = self._shared(lambda: self._verified(selected))
-        return self._examined, _of(item.name, self._examined, selected)
+            self._examined = self._share_result(lambda: self._verify(selected))
+        return self._examined, _find_finding(item.name, self._examined, selected)
 
-    def _shared(self, do: Callable[[], Examined]) -> Examined:
+    def _share_result(self, do: Callable[[], Examined]) -> Examined:
         """Call `do` in one worker of pytest-xdist and share the result with all."""
         shared = _worker_data(self.config)
         if shared is None:
@@ -149,10 +149,10 @@ class FmuCollector(pytest.File):
         name = hashlib.sha256(os.fsencode(self.path)).hexdigest()
         return compute_once(Path(shared["folder"], name), do)
 
-    def _verified(self, checks: list[str]) -> Examined:
+    def _verify(self, checks: list[str]) -> Examined:
         from .runner import verify
 
-        options = _settings(self.config)
+        options = _read_settings(self.config)
         report = verify(
             self.path,
             reference=options.reference,
@@ -172,25 +172,25 @@ class FmuItem(pytest.Item):
         from .verdict import Verdict
 
         assert isinstance(self.parent, FmuCollector)
-        examined, found = self.parent.finding(self)
-        if found is None:
-            other = f"{self.name}: the FMI version of the FMU does not have it."
-            raise pytest.skip.Exception(other, _use_item_location=True)
-        text = explain_finding(examined, found, _MOST_DETAILS)
-        if found.verdict == Verdict.FAILED:
-            needed = "" if found.check == self.name else f"It needs {found.check}, which failed. "
+        examined, finding = self.parent.finding(self)
+        if finding is None:
+            reason = f"{self.name}: the FMI version of the FMU does not have it."
+            raise pytest.skip.Exception(reason, _use_item_location=True)
+        text = explain_finding(examined, finding, _MOST_DETAILS)
+        if finding.verdict == Verdict.FAILED:
+            needed = "" if finding.check == self.name else f"It needs {finding.check}, which failed. "
             raise FmuFailure(needed + text)
-        if found.verdict == Verdict.SKIPPED and found.outcome.blocked and not self._has_cause(found):
+        if finding.verdict == Verdict.SKIPPED and finding.outcome.blocked and not self._has_cause(finding):
             raise FmuFailure(f"It could not run. {text}")
-        if found.verdict == Verdict.SKIPPED:
-            raise pytest.skip.Exception(f"{self.name}: {found.sentence}", _use_item_location=True)
-        if found.verdict == Verdict.WARNING:
+        if finding.verdict == Verdict.SKIPPED:
+            raise pytest.skip.Exception(f"{self.name}: {finding.sentence}", _use_item_location=True)
+        if finding.verdict == Verdict.WARNING:
             warnings.warn_explicit(FmuWarning(text), None, str(self.path), 0)
 
-    def _has_cause(self, found: Finding) -> bool:
+    def _has_cause(self, finding: Finding) -> bool:
         """Return whether a check could not run because of another one that has a test."""
         return any(
-            found.sentence.startswith(f"It needs {item.name},")
+            finding.sentence.startswith(f"It needs {item.name},")
             for item in self.session.items
             if item.parent is self.parent
         )
@@ -241,34 +241,34 @@ def _worker_data(config: pytest.Config) -> dict[str, Any] | None:
     return getattr(config, "workerinput", {}).get("emla_verify")
 
 
-def _of(check: str, examined: Examined, selected: Container[str]) -> Finding | None:
+def _find_finding(check: str, examined: Examined, selected: Container[str]) -> Finding | None:
     """Return the finding of a check, or that of a failed check that has no test; None if there is none."""
     from .catalogue import CHECKS
     from .verdict import Verdict
 
-    lost = [f for f in examined.of(Verdict.FAILED) if f.check not in selected]
-    found = next((f for f in examined.findings if f.check == check), None)
-    if found is None and any(c.name == check and c.only_for for c in CHECKS):
-        return next(iter(lost), None)
-    if found is None or (lost and found.verdict == Verdict.SKIPPED):
-        return (lost or examined.findings)[0]
-    return found
+    untested_failures = [f for f in examined.of(Verdict.FAILED) if f.check not in selected]
+    finding = next((f for f in examined.findings if f.check == check), None)
+    if finding is None and any(c.name == check and c.only_for for c in CHECKS):
+        return next(iter(untested_failures), None)
+    if finding is None or (untested_failures and finding.verdict == Verdict.SKIPPED):
+        return (untested_failures or examined.findings)[0]
+    return finding
 
 
 def _match_files(patterns: Iterable[str], folder: Path, where: str) -> Iterator[str]:
     """Yield the files that match globs, relative to a folder. Raise UsageError if a glob matches none."""
     for pattern in patterns:
         # Path.glob has no absolute patterns
-        found = glob.glob(pattern, root_dir=folder, recursive=True) or [pattern]  # noqa: PTH207
-        files = sorted(str(path) for path in (folder / name for name in found) if path.is_file())
+        names = glob.glob(pattern, root_dir=folder, recursive=True) or [pattern]  # noqa: PTH207
+        files = sorted(str(path) for path in (folder / name for name in names) if path.is_file())
         if not files:
             raise pytest.UsageError(f"{where}: there is no file '{pattern}' in {folder}.")
-        if odd := [path for path in files if not path.lower().endswith(".fmu")]:
-            raise pytest.UsageError(f"{where}: '{odd[0]}', which matches '{pattern}', is not an FMU.")
+        if no_fmus := [path for path in files if not path.lower().endswith(".fmu")]:
+            raise pytest.UsageError(f"{where}: '{no_fmus[0]}', which matches '{pattern}', is not an FMU.")
         yield from files
 
 
-def _settings(config: pytest.Config) -> Settings:
+def _read_settings(config: pytest.Config) -> Settings:
     """Read the options. Raise UsageError for invalid ones."""
     from emla_cosim.base.errors import CommandError
     from emla_cosim.base.tubes.tolerance import read_tolerances
@@ -276,12 +276,12 @@ def _settings(config: pytest.Config) -> Settings:
     from .examination import check_names
     from .settings import Settings
 
-    only, skip = _texts(config, "fmu_only"), _texts(config, "fmu_skip")
+    only, skip = _read_option(config, "fmu_only"), _read_option(config, "fmu_skip")
     reference = config.getoption("fmu_reference")
     folder = None if reference is None else config.invocation_params.dir / reference
     try:
         check_names([*only, *skip])
-        tolerance = read_tolerances(_texts(config, "fmu_tolerance"))
+        tolerance = read_tolerances(_read_option(config, "fmu_tolerance"))
     except CommandError as error:
         raise pytest.UsageError(str(error)) from None
     if folder is not None and not folder.is_dir():
@@ -289,6 +289,6 @@ def _settings(config: pytest.Config) -> Settings:
     return Settings(only=only, skip=skip, reference=folder, tolerance=tolerance)
 
 
-def _texts(config: pytest.Config, option: str) -> list[str]:
+def _read_option(config: pytest.Config, option: str) -> list[str]:
     """Return the values of a repeatable option."""
     return config.getoption(option) or []

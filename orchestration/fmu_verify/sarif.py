@@ -29,9 +29,9 @@ _MOST_RESULTS = 25_000
 """GitHub rejects a run with more."""
 _MOST_SIGNALS = 100
 _MOST_DETAILS = 5
-_LONGEST_TITLE = 1000
+_MAX_TITLE_LENGTH = 1000
 """GitHub cuts a description after 1024 characters."""
-_LONGEST = 4000
+_MAX_LENGTH = 4000
 
 _START = {"startLine": 1, "startColumn": 1, "endLine": 1, "endColumn": 2}
 """An FMU has no lines, but GitHub requires this region."""
@@ -47,13 +47,13 @@ _PAGES = {
 
 def render(report: Findings) -> str:
     """Return the report as SARIF."""
-    results = sorted(_results(report), key=lambda result: LEVELS.index(result["level"]))
+    results = sorted(_list_results(report), key=lambda result: LEVELS.index(result["level"]))
     left_out = len(results) - _MOST_RESULTS
-    rules = _rules(report)
+    rules = _list_rules(report)
     positions = {rule["id"]: k for k, rule in enumerate(rules)}
     for result in results:
         result["ruleIndex"] = positions[result["ruleId"]]
-    notes = [f"{one.label}: {gap}" for one in report.examined for gap in one.not_examined]
+    notes = [f"{examined.label}: {gap}" for examined in report.examined for gap in examined.not_examined]
     notes += [f"{left_out} more results were left out."] if left_out > 0 else []
     notes += [] if report.complete else ["Interrupted before all checks were done."]
     run = {
@@ -62,8 +62,10 @@ def render(report: Findings) -> str:
             {
                 "executionSuccessful": report.complete,
                 "exitCode": 0 if report.passed else 1,
-                **_started(report.started),
-                "toolExecutionNotifications": [{"level": "note", "message": _text(note)} for note in notes],
+                **_describe_start(report.started),
+                "toolExecutionNotifications": [
+                    {"level": "note", "message": _make_message(note)} for note in notes
+                ],
             }
         ],
         "columnKind": "unicodeCodePoints",
@@ -73,38 +75,42 @@ def render(report: Findings) -> str:
     return json.dumps(to_plain(content), indent=2, allow_nan=False) + "\n"
 
 
-def _results(report: Findings) -> Iterator[dict[str, Any]]:
-    for one in report.examined:
-        for finding in one.findings:
-            if (level := _level(finding)) is not None:
-                text = explain_finding(one, finding, _MOST_DETAILS)
-                yield _result(one, finding.check, level, text, _signals(finding))
-        if one.objections:
-            yield _result(one, _NOT_PASSED, "error", "\n".join(one.objections))
+def _list_results(report: Findings) -> Iterator[dict[str, Any]]:
+    for examined in report.examined:
+        for finding in examined.findings:
+            if (level := _choose_level(finding)) is not None:
+                text = explain_finding(examined, finding, _MOST_DETAILS)
+                yield _make_result(examined, finding.check, level, text, _list_signals(finding))
+        if examined.objections:
+            yield _make_result(examined, _NOT_PASSED, "error", "\n".join(examined.objections))
 
 
-def _level(finding: Finding) -> str | None:
+def _choose_level(finding: Finding) -> str | None:
     if finding.is_noted:
         return "note"
     return {Verdict.FAILED: "error", Verdict.WARNING: "warning"}.get(finding.verdict)
 
 
-def _result(
-    one: Examined, rule: str, level: str, text: str, signals: list[dict[str, str]] | None = None
+def _make_result(
+    examined: Examined, rule: str, level: str, text: str, signals: list[dict[str, str]] | None = None
 ) -> dict[str, Any]:
-    address = _address(one.file)
-    key = "\0".join((rule, address, "" if one.file == one.path else one.path.name))
-    inner = [] if one.file == one.path else [{"name": make_visible(one.path.name), "kind": "resource"}]
-    place: dict[str, Any] = {
+    address = _make_address(examined.file)
+    key = "\0".join((rule, address, "" if examined.file == examined.path else examined.path.name))
+    inner = (
+        []
+        if examined.file == examined.path
+        else [{"name": make_visible(examined.path.name), "kind": "resource"}]
+    )
+    location: dict[str, Any] = {
         "physicalLocation": {"artifactLocation": {"uri": address}, "region": dict(_START)},
     }
     if logical := [*inner, *(signals or [])]:
-        place["logicalLocations"] = logical
+        location["logicalLocations"] = logical
     return {
         "ruleId": rule,
         "level": level,
-        "message": _text(text),
-        "locations": [place],
+        "message": _make_message(text),
+        "locations": [location],
         # the one that GitHub reads; without it, GitHub makes one of the first bytes of the FMU
         "partialFingerprints": {
             "primaryLocationLineHash": hashlib.sha256(key.encode("utf-8", "replace")).hexdigest()[:32]
@@ -112,18 +118,20 @@ def _result(
     }
 
 
-def _signals(finding: Finding) -> list[dict[str, str]]:
+def _list_signals(finding: Finding) -> list[dict[str, str]]:
     """Return the signals that left their tubes."""
-    names = [one.signal for one in finding.outcome.comparisons if not one.inside][:_MOST_SIGNALS]
+    names = [comparison.signal for comparison in finding.outcome.comparisons if not comparison.inside][
+        :_MOST_SIGNALS
+    ]
     return [{"fullyQualifiedName": make_visible(name), "kind": "variable"} for name in names]
 
 
-def _rules(report: Findings) -> list[dict[str, Any]]:
+def _list_rules(report: Findings) -> list[dict[str, Any]]:
     """Return a rule for each check that ran, whatever its verdict."""
-    found = {finding.check: finding for one in report.examined for finding in one.findings}
+    findings = {finding.check: finding for examined in report.examined for finding in examined.findings}
     checks = {check.name: check for check in CHECKS}
     rules = []
-    for name, finding in found.items():
+    for name, finding in findings.items():
         check = checks.get(name)
         versions = (check.only_for,) if check and check.only_for else (2, 3)
         texts = [check.of(version) for version in versions] if check else [finding]
@@ -131,39 +139,41 @@ def _rules(report: Findings) -> list[dict[str, Any]]:
         quotes = [f"{clause}: “{clause.sentence}”" for clause in clauses]
         page = next((_PAGES[clause.document] for clause in clauses if clause.document in _PAGES), None)
         hints = dict.fromkeys(text.hint for text in texts)
-        rules.append(_rule(name, finding.title, finding.done, [*quotes, *hints], page))
-    if any(one.objections for one in report.examined):
+        rules.append(_make_rule(name, finding.title, finding.done, [*quotes, *hints], page))
+    if any(examined.objections for examined in report.examined):
         hint = "Remove the cause, or leave checks out with `--skip`."
-        done = "Look for reasons, besides failed checks, for which an FMU does not pass."
-        rules.append(_rule(_NOT_PASSED, "The FMU is fully verified", done, [hint]))
+        procedure = "Look for reasons, besides failed checks, for which an FMU does not pass."
+        rules.append(_make_rule(_NOT_PASSED, "The FMU is fully verified", procedure, [hint]))
     return rules
 
 
-def _rule(name: str, title: str, done: str, help_: list[str], page: str | None = None) -> dict[str, Any]:
+def _make_rule(
+    name: str, title: str, procedure: str, help_: list[str], page: str | None = None
+) -> dict[str, Any]:
     return {
         "id": name,
-        "shortDescription": _text(title, _LONGEST_TITLE),
-        "fullDescription": _text(done or title, _LONGEST_TITLE),
-        "help": _text("\n\n".join(help_)),
+        "shortDescription": _make_message(title, _MAX_TITLE_LENGTH),
+        "fullDescription": _make_message(procedure or title, _MAX_TITLE_LENGTH),
+        "help": _make_message("\n\n".join(help_)),
         **({"helpUri": page} if page else {}),
         "properties": {"tags": ["FMI", name.partition(".")[0]]},
     }
 
 
-def _text(text: str, most: int = _LONGEST) -> dict[str, str]:
+def _make_message(text: str, most: int = _MAX_LENGTH) -> dict[str, str]:
     """Return a message without embedded links, such as `[x](1)`: their destination would have to exist."""
     return {"text": shorten_text(make_visible(text).replace("](", "] ("), most) or "-"}
 
 
-def _address(path: Path) -> str:
+def _make_address(path: Path) -> str:
     """Return the address of a file, relative to the working folder if it is in there."""
-    whole = Path(os.path.abspath(path))  # noqa: PTH100 - follows no links, as git does not
-    if whole.is_relative_to(Path.cwd()):
-        return quote(os.fsencode(whole.relative_to(Path.cwd()).as_posix()))
-    return whole.as_uri()
+    absolute_path = Path(os.path.abspath(path))  # noqa: PTH100 - follows no links, as git does not
+    if absolute_path.is_relative_to(Path.cwd()):
+        return quote(os.fsencode(absolute_path.relative_to(Path.cwd()).as_posix()))
+    return absolute_path.as_uri()
 
 
-def _started(text: str) -> dict[str, str]:
+def _describe_start(text: str) -> dict[str, str]:
     try:
         return {"startTimeUtc": f"{datetime.fromisoformat(text).astimezone(UTC):%Y-%m-%dT%H:%M:%SZ}"}
     except ValueError:

@@ -84,10 +84,10 @@ class Subject:
 
         Variables of FMI 3.0 are split into elements, with the types of FMI 2.0, without Clocks and Binary.
         """
-        found = read_with_fmpy(self.path, validate=False)
+        description = read_with_fmpy(self.path, validate=False)
         if self.version == 3:
-            split_arrays(found)
-        return found
+            split_arrays(description)
+        return description
 
     @cached_property
     def description_problem(self) -> str:
@@ -164,5 +164,5 @@ class Subject:
 
     def of_causality(self, *causalities: str, kind: str = "Real") -> list[ModelVariable]:
         """Return the variables of these causalities and a type, in the order of the model description."""
-        found = self.description.modelVariables
-        return [v for v in found if v.causality in causalities and v.type == kind]
+        variables = self.description.modelVariables
+        return [v for v in variables if v.causality in causalities and v.type == kind]

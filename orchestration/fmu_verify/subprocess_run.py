@@ -24,8 +24,8 @@ from .verdict import (
     RETURNS,
     CheckOutcome,
     blocked,
+    describe_exception,
     failed,
-    left_exception,
     own_rule,
 )
 
@@ -170,7 +170,9 @@ def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], m
         )
     except Exception as error:  # a bug in a check must not lose the rest of the report
         if find_left_exception(error) is not None:
-            return failed(left_exception(crash_page.read_note(), error), clause=LEAVES_EXCEPTION, hint=REMEDY)
+            return failed(
+                describe_exception(crash_page.read_note(), error), clause=LEAVES_EXCEPTION, hint=REMEDY
+            )
         if (fault := find_machine_fault(error)) is not None:
             message = f"It could not run on this machine: {fault.strerror}."
             return blocked(message, hint=_FAULT, gaps=(message,))

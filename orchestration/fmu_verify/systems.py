@@ -40,15 +40,15 @@ def examine_system(
     path: Path, kind: SystemKind, settings: Settings, scratch: Path, progress: Callable[[Finding], None]
 ) -> Examined:
     """Run a system in a scratch folder. Compare it with an earlier run if the settings name one."""
-    began = time.monotonic()
+    start = time.monotonic()
     with closing(CheckRunner(WholeSystem(path, settings, scratch), settings)) as runner:
-        found = runner.run(kind.select_check(settings))
-    progress(found)
+        finding = runner.run(kind.select_check(settings))
+    progress(finding)
     return Examined(
         path,
         {},
-        (found,),
-        time.monotonic() - began,
-        objections=find_objections((found,), settings),
+        (finding,),
+        time.monotonic() - start,
+        objections=find_objections((finding,), settings),
         not_examined=tuple(list_gaps()),
     )

@@ -64,12 +64,15 @@ def _replace(text: str, names: Mapping[str, str]) -> str:
     return re.sub("|".join(rf"\b{re.escape(name)}\b" for name in names), lambda m: names[m[0]], text)
 
 
-def in_terms_of(version: int, outcome: CheckOutcome) -> CheckOutcome:
+def translate(version: int, outcome: CheckOutcome) -> CheckOutcome:
     """Return an outcome with the names and clauses of a version of FMI, and with its details written."""
     quoted, details = outcome.clause, [say(line, version) for line in outcome.details]
     for line, clause in outcome.lines:
-        own = None if clause is None or clause == quoted else clause.of(version)
-        details.append(say(line, version) + (f" ({own}: “{own.sentence}”)" if own is not None else ""))
+        own_clause = None if clause is None or clause == quoted else clause.of(version)
+        details.append(
+            say(line, version)
+            + (f" ({own_clause}: “{own_clause.sentence}”)" if own_clause is not None else "")
+        )
     return replace(
         outcome,
         sentence=say(outcome.sentence, version),

@@ -49,17 +49,17 @@ def in_both(section: str, section_3: str, sentence: str) -> Clause:
     return Clause(section, sentence, in_3=fmi3(section_3, sentence.replace("fmi2", "fmi3")))
 
 
-_OWN = "emla verify"
+_OWN_DOCUMENT = "emla verify"
 
 
 def own_rule(check: str, sentence: str, in_3: Clause | None = None) -> Clause:
     """Return a rule of this program, for which the standard, or only FMI 2.0, has no sentence."""
-    return Clause(check, sentence, document=_OWN, in_3=in_3)
+    return Clause(check, sentence, document=_OWN_DOCUMENT, in_3=in_3)
 
 
 def is_own_rule(clause: Clause) -> bool:
     """Return whether a clause is a rule of this program."""
-    return clause.document == _OWN
+    return clause.document == _OWN_DOCUMENT
 
 
 RETURNS = Clause(
@@ -81,7 +81,7 @@ LEAVES_EXCEPTION = own_rule(
 """The rule for FMUs that use Python; hosts in Python end with such an exception, and others ignore it."""
 
 
-def left_exception(doing: str, error: BaseException) -> str:
+def describe_exception(doing: str, error: BaseException) -> str:
     """Return the message for an FMU that left an exception of Python in a call."""
     return f"{doing} left an exception of Python: {describe_left_exception(error)}."
 

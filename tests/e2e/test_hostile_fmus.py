@@ -111,7 +111,7 @@ def test_confined_process_reaches_nothing_outside(tmp_path: Path) -> None:
 
 def test_machine_that_cannot_confine_reports_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ran = {f.check: f for f in examine(build_wide_fmu(tmp_path), "run.completes", apart=()).findings}
-    monkeypatch.setattr(confinement, "_version", lambda: 0)
+    monkeypatch.setattr(confinement, "_read_version", lambda: 0)
     assert not confine([tmp_path])
     subject: Any = SimpleNamespace(folder=tmp_path, known_version=2)
     for findings in (ran, {}):

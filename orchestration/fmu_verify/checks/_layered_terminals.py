@@ -31,7 +31,7 @@ _MEMBERS = _bus(
     "A Bus Terminal shall contain four <TerminalMemberVariable> elements with the following memberName "
     "attributes: Tx_Data, Tx_Clock, Rx_Data and Rx_Clock.",
 )
-_ONCE = _bus("5.4.1", "The use of the same variable within different Bus Terminals is not allowed.")
+_USED_ONCE = _bus("5.4.1", "The use of the same variable within different Bus Terminals is not allowed.")
 _RX = _bus("5.3", "The Rx_Data variable is clocked by the Rx_Clock Clock, both with causality set to input.")
 _TX = _bus("5.3", "The causality of the Tx_Data variable shall be output.")
 _DATA = _bus(
@@ -60,7 +60,7 @@ _MAPS = _struct(
     "The manifest file signals to the importer that the FMU supports this layered standard and enables the "
     "interpretation of the TerminalsAndIcons.xml file in the intended way.",
 )
-_AFTER = _struct(
+_ORDER = _struct(
     "3.1.2",
     "If present, this variable must be listed directly after the corresponding domain variable.",
 )
@@ -119,7 +119,7 @@ def _list_terminals(subject: Subject) -> list[Any]:
     return [] if root is None else list(root.iterfind("Terminals//Terminal"))
 
 
-def _members(terminal: Any) -> list[Any]:
+def _list_members(terminal: Any) -> list[Any]:
     return terminal.findall("TerminalMemberVariable")
 
 
@@ -130,77 +130,86 @@ def judge_buses(subject: Subject) -> Iterator[Problem]:
     networks = [t for t in terminals if t.get("terminalKind") == _NETWORK]
     if not networks:
         yield Breach(f"The FMU has no terminal of the kind {_NETWORK}.", _NETWORKS)
-    used: dict[str, list[str]] = defaultdict(list)
+    terminals_by_variable: dict[str, list[str]] = defaultdict(list)
     for network in networks:
         if network.get("matchingRule") != _TRANSCEIVER:
             continue
-        found = {m.get("memberName"): m.get("variableName") for m in _members(network)}
-        for name in found.values():
-            used[name].append(network.get("name"))
-        yield from _judge_transceiver(network.get("name"), found, variables)
-    for name, names in used.items():
+        variable_names = {m.get("memberName"): m.get("variableName") for m in _list_members(network)}
+        for name in variable_names.values():
+            terminals_by_variable[name].append(network.get("name"))
+        yield from _judge_transceiver(network.get("name"), variable_names, variables)
+    for name, names in terminals_by_variable.items():
         if len(names) > 1:
-            yield Breach(f"The bus terminals {names[0]} and {names[1]} both have {name}.", _ONCE)
+            yield Breach(f"The bus terminals {names[0]} and {names[1]} both have {name}.", _USED_ONCE)
     for terminal in terminals:
         kind, rule = terminal.get("terminalKind"), terminal.get("matchingRule")
         allowed = ("bus", _TRANSCEIVER) if kind == _NETWORK else ("bus",)
         if kind in (_NETWORK, _FRAME, _PDU, _CONFIGURATION) and rule not in allowed:
-            what = f"The terminal {terminal.get('name')} has the matchingRule {rule}, not"
-            yield Breach(f"{what} {' or '.join(allowed)}.", _RULE)
+            message = f"The terminal {terminal.get('name')} has the matchingRule {rule}, not"
+            yield Breach(f"{message} {' or '.join(allowed)}.", _RULE)
 
 
 def _judge_transceiver(
-    name: str, found: Mapping[str, str], variables: Mapping[str, DeclaredVariable]
+    name: str, variable_names: Mapping[str, str], variables: Mapping[str, DeclaredVariable]
 ) -> Iterator[Problem]:
     for member in ("Tx_Data", "Tx_Clock", "Rx_Data", "Rx_Clock"):
-        if member not in found:
+        if member not in variable_names:
             yield Breach(f"The bus terminal {name} has no member {member}.", _MEMBERS)
-        elif (variable := variables.get(found[member])) is not None:
-            wanted = "Binary" if member.endswith("Data") else "Clock"
-            if variable.type != wanted:
-                what = f"{member} of the bus terminal {name} is of type {variable.type}, not {wanted}."
-                yield Breach(what, _DATA if wanted == "Binary" else _RX)
+        elif (variable := variables.get(variable_names[member])) is not None:
+            expected = "Binary" if member.endswith("Data") else "Clock"
+            if variable.type != expected:
+                message = f"{member} of the bus terminal {name} is of type {variable.type}, not {expected}."
+                yield Breach(message, _DATA if expected == "Binary" else _RX)
             causality = {"Tx_Data": "output", "Tx_Clock": variable.causality}.get(member, "input")
             if variable.causality != causality:
-                what = f"{member} of the bus terminal {name} has the causality {variable.causality}"
-                yield Breach(f"{what}, not {causality}.", _TX if causality == "output" else _RX)
-    binaries = [v for way in _CLOCKED if (v := variables.get(found.get(f"{way}_Data", ""))) is not None]
+                message = f"{member} of the bus terminal {name} has the causality {variable.causality}"
+                yield Breach(f"{message}, not {causality}.", _TX if causality == "output" else _RX)
+    binaries = [
+        v for way in _CLOCKED if (v := variables.get(variable_names.get(f"{way}_Data", ""))) is not None
+    ]
     types = [v.attributes.get("mimeType", "application/octet-stream") for v in binaries if v.type == "Binary"]
     buses = [match[1] for type_ in types if (match := _BUS_TYPE.fullmatch(type_))]
     if len(buses) < len(types):
-        other = next(type_ for type_ in types if not _BUS_TYPE.fullmatch(type_))
-        yield Breach(f"Data of the bus terminal {name} have the mimeType {other}, which is of no bus.", _MIME)
+        wrong_type = next(type_ for type_ in types if not _BUS_TYPE.fullmatch(type_))
+        yield Breach(
+            f"Data of the bus terminal {name} have the mimeType {wrong_type}, which is of no bus.", _MIME
+        )
     elif len(set(buses)) > 1:
         yield Breach(f"Data of the bus terminal {name} have the mimeTypes of {' and '.join(buses)}.", _MIME)
     for way, clause in _CLOCKED.items():
-        data, clock = (variables.get(found.get(f"{way}_{of}", "")) for of in ("Data", "Clock"))
+        data, clock = (variables.get(variable_names.get(f"{way}_{of}", "")) for of in ("Data", "Clock"))
         if data is not None and clock is not None and clock.index not in (data.clocks or ()):
-            what = f"{way}_Data of the bus terminal {name}, {data}, does not belong to its Clock {clock}."
-            yield Breach(what, clause)
+            message = f"{way}_Data of the bus terminal {name}, {data}, does not belong to its Clock {clock}."
+            yield Breach(message, clause)
 
 
 def judge_maps(subject: Subject) -> Iterator[Problem]:
     """Yield what is wrong with the terminals of an FMU with the manifest of FMI-LS-STRUCT."""
     variables = {v.name: v for v in subject.declared.variables}
-    is_found = False
+    has_map = False
     for terminal in _list_terminals(subject):
         kind, name = terminal.get("terminalKind", ""), terminal.get("name")
         if not kind.startswith(STRUCT):
             continue
-        is_found = True
+        has_map = True
         if kind not in (_GRID, _IRREGULAR):
             yield Breach(f"The terminal {name} has the unknown terminalKind {kind}.", _KINDS)
             continue
         members: list[Member] = []
-        for member in _members(terminal):
-            of, variable = member.get("variableKind", ""), variables.get(member.get("variableName"))
-            if of.startswith(STRUCT) and of.removeprefix(_MAP) not in {*_PAIRS, *_PAIRS.values()}:
-                what = f"{member.get('variableName')} of the terminal {name} has the variableKind {of}"
-                yield Breach(f"{what}, which does not exist.", _KINDS)
-            elif of.startswith(_MAP) and variable is not None:
-                members.append((of.removeprefix(_MAP), variable))
+        for member in _list_members(terminal):
+            member_kind, variable = member.get("variableKind", ""), variables.get(member.get("variableName"))
+            if member_kind.startswith(STRUCT) and member_kind.removeprefix(_MAP) not in {
+                *_PAIRS,
+                *_PAIRS.values(),
+            }:
+                message = (
+                    f"{member.get('variableName')} of the terminal {name} has the variableKind {member_kind}"
+                )
+                yield Breach(f"{message}, which does not exist.", _KINDS)
+            elif member_kind.startswith(_MAP) and variable is not None:
+                members.append((member_kind.removeprefix(_MAP), variable))
         yield from _judge_map(name, members, kind == _GRID, subject)
-    if not is_found:
+    if not has_map:
         yield Breach(f"The FMU has no terminal of a kind of {STRUCT}.", _MAPS)
 
 
@@ -209,40 +218,40 @@ def doubt_maps(subject: Subject) -> Iterator[Problem]:
     rule = _MAP.removesuffix(".")
     for terminal in _list_terminals(subject):
         if terminal.get("terminalKind") in (_GRID, _IRREGULAR) and terminal.get("matchingRule") != rule:
-            what = f"The map {terminal.get('name')} has the matchingRule {terminal.get('matchingRule')}"
-            yield Breach(f"{what}, not {rule}.", _MATCHING)
+            message = f"The map {terminal.get('name')} has the matchingRule {terminal.get('matchingRule')}"
+            yield Breach(f"{message}, not {rule}.", _MATCHING)
 
 
 def _judge_map(name: str, members: Sequence[Member], is_grid: bool, subject: Subject) -> Iterator[Problem]:
     """Yield what is wrong with the order, types and sizes of the members of a map."""
-    for needed, clause in (("domain", _DOMAIN), ("codomain", _VALUES)):
-        if all(kind != needed for kind, _ in members):
-            yield Breach(f"The map {name} has no member of the variableKind {_MAP}{needed}.", clause)
-    before: Member | None = None
+    for required, clause in (("domain", _DOMAIN), ("codomain", _VALUES)):
+        if all(kind != required for kind, _ in members):
+            yield Breach(f"The map {name} has no member of the variableKind {_MAP}{required}.", clause)
+    previous: Member | None = None
     for kind, variable in members:
         causalities, clause = _CAUSALITIES.get(kind, ((variable.causality,), _KINDS))
         if variable.causality not in causalities:
-            what = f"{variable} in the map {name} is a {kind}, but has the causality {variable.causality}."
-            yield Breach(what, clause)
-        if kind in _PAIRS and (before is None or before[0] != _PAIRS[kind]):
-            yield Breach(f"{variable} in the map {name} does not follow a {_PAIRS[kind]}.", _AFTER)
-        elif kind in _PAIRS and before is not None and before[1].type != variable.type:
-            what = f"{variable} in the map {name} is of type {variable.type}, but {before[1]} is of type"
-            yield Breach(f"{what} {before[1].type}.", _SAME_TYPE)
-        before = kind, variable
+            message = f"{variable} in the map {name} is a {kind}, but has the causality {variable.causality}."
+            yield Breach(message, clause)
+        if kind in _PAIRS and (previous is None or previous[0] != _PAIRS[kind]):
+            yield Breach(f"{variable} in the map {name} does not follow a {_PAIRS[kind]}.", _ORDER)
+        elif kind in _PAIRS and previous is not None and previous[1].type != variable.type:
+            message = f"{variable} in the map {name} is of type {variable.type}, but {previous[1]} is of type"
+            yield Breach(f"{message} {previous[1].type}.", _SAME_TYPE)
+        previous = kind, variable
     shapes = {v.index: list(subject.declared.sizes(v)) for _, v in members}
     domains = [v for kind, v in members if kind == "domain"]
     for domain in domains:
         if len(domain.dimensions) != 1:
-            what = f"{domain} has {len(domain.dimensions)} dimensions, but is a domain of the map {name}."
-            yield Breach(what, _DOMAIN)
+            message = f"{domain} has {len(domain.dimensions)} dimensions, but is a domain of the map {name}."
+            yield Breach(message, _DOMAIN)
             return
     lengths = [shapes[v.index][0] for v in domains]
     for codomain in (v for kind, v in members if kind == "codomain"):
-        wanted = lengths if is_grid else lengths[:1]
-        pairs = zip(shapes[codomain.index], wanted, strict=False)
+        expected = lengths if is_grid else lengths[:1]
+        pairs = zip(shapes[codomain.index], expected, strict=False)
         is_other = any(None not in pair and pair[0] != pair[1] for pair in pairs)
-        if is_other or len(shapes[codomain.index]) != len(wanted):
+        if is_other or len(shapes[codomain.index]) != len(expected):
             has = " x ".join(map(str, shapes[codomain.index])) or "1"
-            what = f"{codomain} of the map {name} has the size {has}, but its domains have"
-            yield Breach(f"{what} {', '.join(map(str, lengths))}.", _SHAPE if is_grid else _POINTS)
+            message = f"{codomain} of the map {name} has the size {has}, but its domains have"
+            yield Breach(f"{message} {', '.join(map(str, lengths))}.", _SHAPE if is_grid else _POINTS)

@@ -33,7 +33,7 @@ _ROLE_ONCE = _xcp(
     "entries of a different Interface.",
 )
 _TYPES = _xcp("2", "The value is provided as a list of interface type names to which this interface applies.")
-_WHOLE = _xcp(
+_SINGLE_FILE = _xcp(
     "3.3",
     "This layered standard forbids the use of the including mechanism of additional A2L files to simplify "
     "complete extraction and copying of the A2L file to a location where it is accessible by the MCD tool.",
@@ -79,7 +79,9 @@ def _judge_interface(interface: Any, folder: Path, subject: Subject) -> Iterator
             yield Breach(f"{who} has no such file, also not in the folder of a platform.", _VALID)
         for file in files:
             if _INCLUDE.search(file.read_bytes()):
-                yield Breach(f"{file.relative_to(folder).as_posix()} includes another A2L file.", _WHOLE)
+                yield Breach(
+                    f"{file.relative_to(folder).as_posix()} includes another A2L file.", _SINGLE_FILE
+                )
     flags = ("containsXCPService", "supportsDirectMemoryAccess")
     if not any(interface.get(flag) in ("true", "1") for flag in flags):
         yield Breach(f"{who} sets neither {flags[0]} nor {flags[1]}.", _VALID)
@@ -93,8 +95,8 @@ def _judge_interface(interface: Any, folder: Path, subject: Subject) -> Iterator
 def _judge_variable(element: Any, variable: DeclaredVariable | None) -> Iterator[Problem]:
     role = element.get("role")
     if variable is None:
-        what = f"The role {role} is of {element.get('name')}, which is not a variable of the FMU."
-        yield Breach(what, _NAME)
+        message = f"The role {role} is of {element.get('name')}, which is not a variable of the FMU."
+        yield Breach(message, _NAME)
         return
     if variable.type not in XCP_ROLES[role]:
         types = " or ".join(XCP_ROLES[role])

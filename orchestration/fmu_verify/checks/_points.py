@@ -27,17 +27,17 @@ def list_states(subject: Subject) -> list[str]:
 def list_settable_states(subject: Subject) -> list[str]:
     """Return the states that can be set in initialization mode."""
     variables = subject.variables
-    found = [n for n in list_states(subject) if variables[n].type == "Real"]
-    return [n for n in found if variables[n].initial == "exact" and variables[n].start is not None]
+    states = [n for n in list_states(subject) if variables[n].type == "Real"]
+    return [n for n in states if variables[n].initial == "exact" and variables[n].start is not None]
 
 
 def in_initialization_with_states(subject: Subject, count: int) -> Iterator[Point]:
     """Yield points in initialization mode, with states as further knowns and derivatives as unknowns."""
     states = list_settable_states(subject)[:MOST_STATES]
-    found = [(u.variable, u.dependencies) for u in subject.description.initialUnknowns]
+    initial_unknowns = [(u.variable, u.dependencies) for u in subject.description.initialUnknowns]
     real = [
         Dependency(v.name, None if on is None else frozenset(known.name for known in on))
-        for v, on in found
+        for v, on in initial_unknowns
         if v is not None and v.type == "Real" and v.name not in states
     ]
     for point in in_initialization(subject, count):
@@ -50,20 +50,20 @@ def in_step_mode(subject: Subject, count: int) -> Iterator[Point]:
     """Yield a co-simulation after some of its steps, with continuous inputs as knowns."""
     course = make_experiment(subject)
     knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
-    found, moved = choose(at_events(subject), knowns)
+    dependencies, moved_inputs = choose(at_events(subject), knowns)
     instance, last = HostedInstance(subject, kind="CoSimulation"), len(course.times) - 1
     instance.initialize(course.at(0), float(course.times[0]))
-    wanted = {*np.linspace(1, last, count).astype(int)}
+    chosen_steps = {*np.linspace(1, last, count).astype(int)}
     for k in range(1, last + 1):
         instance.step(float(course.times[k - 1]), course.step)
         if instance.terminated:
             break
         instance.set(course.at(k))
-        if k in wanted:
+        if k in chosen_steps:
             inputs = course.at(k)
-            values = {name: inputs[name] for name in moved}
+            values = {name: inputs[name] for name in moved_inputs}
             where = f"after the step to t = {course.times[k]:.9g} s"
-            yield Point(instance, found, moved, values, where)
+            yield Point(instance, dependencies, moved_inputs, values, where)
     instance.free()
 
 
@@ -75,10 +75,10 @@ class _ModelPoint(Point):
 
     def evaluate_shifted(self, changes: dict[str, float]) -> Vector:
         """Return the unknowns with some knowns changed by these amounts. Restore the knowns."""
-        of_states = {name: by for name, by in changes.items() if name in self.states}
-        self._set_states(of_states)
+        state_changes = {name: by for name, by in changes.items() if name in self.states}
+        self._set_states(state_changes)
         try:
-            return super().evaluate_shifted({n: by for n, by in changes.items() if n not in of_states})
+            return super().evaluate_shifted({n: by for n, by in changes.items() if n not in state_changes})
         finally:
             self._set_states({})
 
@@ -93,15 +93,15 @@ def in_continuous_time_mode(subject: Subject, count: int) -> Iterator[Point]:
     states = list_states(subject)
     inputs = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
     inputs = [name for name in inputs if name not in states]
-    for instance, given, time in run_model(subject, count):
+    for instance, input_values, time in run_model(subject, count):
         with instance.calling():
             for _ in range(_MOST_UPDATES):
                 if not instance.fmu.newDiscreteStates()[0]:
                     break
             instance.fmu.enterContinuousTimeMode()
-            found = (ctypes.c_double * len(states))()
-            instance.fmu.getContinuousStates(found, len(states))
-        values = {**{n: given[n] for n in inputs}, **dict(zip(states, found, strict=True))}
+            state_values = (ctypes.c_double * len(states))()
+            instance.fmu.getContinuousStates(state_values, len(states))
+        values = {**{n: input_values[n] for n in inputs}, **dict(zip(states, state_values, strict=True))}
         knowns = [*inputs, *states[:MOST_STATES]]
         where = f"of the model in continuous time at t = {time:.9g} s"
         yield _ModelPoint(instance, at_events(subject), knowns, values, where, states)

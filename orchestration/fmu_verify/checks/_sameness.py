@@ -13,46 +13,52 @@ ROUNDING = 1e-9
 
 
 def compare_runs(
-    found: OutputTrajectory, wanted: OutputTrajectory, what: str, allowed: float = ROUNDING
+    actual: OutputTrajectory, expected: OutputTrajectory, run_name: str, allowed: float = ROUNDING
 ) -> CheckOutcome:
     """Compare two runs that should be equal.
 
     Args:
-        found: Run to judge.
-        wanted: Run to compare with.
-        what: Name of the run, the subject of the message: `A second run`.
+        actual: Run to judge.
+        expected: Run to compare with.
+        run_name: Name of the run, the subject of the message: `A second run`.
         allowed: Largest allowed difference, relative to an output's range.
 
     Returns:
         Passed if both are equal, a warning within `allowed`, otherwise failed.
     """
-    apart = found.distance(wanted)
-    if found.same(wanted):
+    deviations = actual.distance(expected)
+    if actual.same(expected):
         return passed(
-            f"{what} gave the same {len(wanted.times)} x {len(wanted.names)} values to the last bit."
+            f"{run_name} gave the same {len(expected.times)} x {len(expected.names)} values to the last bit."
         )
-    if not apart.any():  # 0 and -0, or two kinds of NaN
-        return passed(f"{what} gave the same {len(wanted.times)} x {len(wanted.names)} values.")
-    if len(found.times) != len(wanted.times):
+    if not deviations.any():  # 0 and -0, or two kinds of NaN
+        return passed(f"{run_name} gave the same {len(expected.times)} x {len(expected.names)} values.")
+    if len(actual.times) != len(expected.times):
         return failed(
-            f"{what} ended at t = {found.times[-1]:.9g} s, not at t = {wanted.times[-1]:.9g} s.",
+            f"{run_name} ended at t = {actual.times[-1]:.9g} s, not at t = {expected.times[-1]:.9g} s.",
             figures={"largest_difference": math.inf},
         )
-    name, time = found.first_difference(wanted)
-    worst = int(apart.argmax()) if len(apart) else 0
-    figures = {"largest_difference": float(apart[worst]) if len(apart) else 0.0}
-    most = f", most in {wanted.names[worst]}, by {apart[worst]:.3g} of its range" if wanted.names else ""
-    sentence = f"{what} differs from {name} at t = {time:.9g} s on{most}."
+    name, time = actual.first_difference(expected)
+    worst = int(deviations.argmax()) if len(deviations) else 0
+    figures = {"largest_difference": float(deviations[worst]) if len(deviations) else 0.0}
+    most = (
+        f", most in {expected.names[worst]}, by {deviations[worst]:.3g} of its range"
+        if expected.names
+        else ""
+    )
+    sentence = f"{run_name} differs from {name} at t = {time:.9g} s on{most}."
     return (failed if figures["largest_difference"] > allowed else warned)(sentence, figures=figures)
 
 
-def differing(found: OutputTrajectory, wanted: OutputTrajectory, rows: int) -> tuple[list[str], float]:
+def describe_differences(
+    actual: OutputTrajectory, expected: OutputTrajectory, rows: int
+) -> tuple[list[str], float]:
     """Compare the first rows of two runs that need not be bitwise equal.
 
     Returns:
         A message without period for each output that differs by more than 1e-3 of its range, and the
         largest difference relative to the range.
     """
-    apart = found.until(rows).distance(wanted.until(rows))
-    far = [(name, d) for name, d in zip(wanted.names, apart, strict=True) if d > _CLOSE]
-    return [f"{name} differs by {d:.3g} of its range" for name, d in far], max(apart, default=0.0)
+    deviations = actual.until(rows).distance(expected.until(rows))
+    far = [(name, d) for name, d in zip(expected.names, deviations, strict=True) if d > _CLOSE]
+    return [f"{name} differs by {d:.3g} of its range" for name, d in far], max(deviations, default=0.0)

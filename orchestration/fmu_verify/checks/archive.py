@@ -14,11 +14,11 @@ from ..messages import Breach, Problem, join_few_names, judge_problems, shorten_
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, passed, warned
 
-_LARGEST = 256 * 2**20
+_MAX_UNCHECKED_SIZE = 256 * 2**20
 """Size in bytes up to which the compression ratio is not checked."""
-_RATIO = 100
-"""Largest compression ratio of archives that unpack to more than `_LARGEST`."""
-_KNOWN = (
+_MAX_RATIO = 100
+"""Largest compression ratio of archives that unpack to more than `_MAX_UNCHECKED_SIZE`."""
+_STANDARD_ENTRIES = (
     "modelDescription.xml",
     "model.png",
     "documentation",
@@ -28,7 +28,7 @@ _KNOWN = (
     "extra",
     "terminalsAndIcons",
 )
-_KNOWN_INSIDE = (
+_STANDARD_FILES = (
     "documentation/index.html",
     "documentation/licenses",
     "sources/buildDescription.xml",
@@ -53,8 +53,8 @@ _LICENCE = fmi3(
 _PAGES = (".pdf", ".md", ".htm", ".html", ".txt")
 """How the names of start pages end."""
 _STORED_OR_DEFLATED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-_VERSION = 20
-_STREAMED = 1 << 3
+_MAX_ZIP_VERSION = 20
+_SIZE_BEHIND_DATA = 1 << 3
 _LFS = b"version https://git-lfs.github.com/spec/"
 
 
@@ -83,7 +83,7 @@ def safe(subject: Subject) -> CheckOutcome:
     try:
         with zipfile.ZipFile(subject.path) as archive:
             entries = archive.infolist()
-        _refuse(entries, subject.path)
+        _check_entries(entries, subject.path)
         unpack(subject.path, subject.folder)
     except UnsafeArchiveError as error:
         return failed(shorten_sentence(f"It {error}."))
@@ -92,8 +92,8 @@ def safe(subject: Subject) -> CheckOutcome:
     except Exception as error:  # whatever zip readers raise
         if find_machine_fault(error) is not None:
             raise
-        return failed(f"It cannot be unpacked: {_words(error)}.")
-    return judge_problems((), f"Its {len(entries)} entries were unpacked.", _colliding(entries))
+        return failed(f"It cannot be unpacked: {_describe_error(error)}.")
+    return judge_problems((), f"Its {len(entries)} entries were unpacked.", _find_colliding(entries))
 
 
 def _is_lfs_pointer(path: Path) -> bool:
@@ -104,26 +104,28 @@ def _is_lfs_pointer(path: Path) -> bool:
         return False
 
 
-def _refuse(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:
+def _check_entries(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:
     """Raise UnsafeArchiveError for repeated entries and zip bombs, which `unpack` allows."""
-    if twice := find_repeated(e.filename for e in entries if not e.is_dir()):
-        raise UnsafeArchiveError(f"has more than one entry '{twice[0]}'; tools differ in which one they read")
-    size, whole = sum(e.file_size for e in entries), path.stat().st_size
-    if size > max(_LARGEST, _RATIO * whole):
+    if repeated := find_repeated(e.filename for e in entries if not e.is_dir()):
         raise UnsafeArchiveError(
-            f"would unpack from {whole / 2**20:.3g} MiB to {size / 2**20:.4g} MiB, as zip bombs do"
+            f"has more than one entry '{repeated[0]}'; tools differ in which one they read"
+        )
+    size, archive_size = sum(e.file_size for e in entries), path.stat().st_size
+    if size > max(_MAX_UNCHECKED_SIZE, _MAX_RATIO * archive_size):
+        raise UnsafeArchiveError(
+            f"would unpack from {archive_size / 2**20:.3g} MiB to {size / 2**20:.4g} MiB, as zip bombs do"
         )
 
 
-def _colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
+def _find_colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
     """Return warnings about files that overwrite each other on case-insensitive file systems."""
-    together: dict[str, list[str]] = {}
+    names_by_key: dict[str, list[str]] = {}
     for entry in entries:
         if not entry.is_dir():
-            together.setdefault(entry.filename.casefold(), []).append(entry.filename)
+            names_by_key.setdefault(entry.filename.casefold(), []).append(entry.filename)
     return [
         f"{' and '.join(names)} are the same file on case-insensitive systems such as Windows."
-        for names in together.values()
+        for names in names_by_key.values()
         if len(names) > 1
     ]
 
@@ -153,11 +155,11 @@ def format_(subject: Subject) -> CheckOutcome:
         for e in entries
         if e.compress_type not in _STORED_OR_DEFLATED
     ]
-    newer = [e.filename for e in entries if e.extract_version > _VERSION and not problems]
+    newer = [e.filename for e in entries if e.extract_version > _MAX_ZIP_VERSION and not problems]
     streamed = [
         e.filename
         for e in entries
-        if e.flag_bits & _STREAMED and e.compress_type == zipfile.ZIP_STORED and not e.is_dir()
+        if e.flag_bits & _SIZE_BEHIND_DATA and e.compress_type == zipfile.ZIP_STORED and not e.is_dir()
     ]
     doubts = [f"{join_few_names(newer)} needs a newer version of the format than 2.0."] if newer else []
     doubts += (
@@ -179,11 +181,11 @@ def format_(subject: Subject) -> CheckOutcome:
 )
 def layout(subject: Subject) -> CheckOutcome:
     """Check that the top folder has only the entries of the standard, and files have its names."""
-    unknown = sorted(p.name for p in subject.folder.iterdir() if p.name not in _KNOWN)
-    problems: list[Problem] = [*_in_another_case(subject.folder)]
+    unknown = sorted(p.name for p in subject.folder.iterdir() if p.name not in _STANDARD_ENTRIES)
+    problems: list[Problem] = [*_find_other_spellings(subject.folder)]
     if subject.version == 3:
-        problems += _incomplete(subject.folder)
-    missing = {name.casefold() for name in _KNOWN if not (subject.folder / name).exists()}
+        problems += _find_missing_companions(subject.folder)
+    missing = {name.casefold() for name in _STANDARD_ENTRIES if not (subject.folder / name).exists()}
     doubts = [
         f"The top folder has {name}, which is not in the standard{_suggest(name)}."
         for name in unknown
@@ -193,35 +195,38 @@ def layout(subject: Subject) -> CheckOutcome:
 
 
 def _suggest(name: str) -> str:
-    close = difflib.get_close_matches(name.casefold(), _KNOWN, n=1, cutoff=0.7)
+    close = difflib.get_close_matches(name.casefold(), _STANDARD_ENTRIES, n=1, cutoff=0.7)
     return f"; it has {close[0]}" if close else ""
 
 
-def _in_another_case(folder: Path) -> Iterator[str]:
+def _find_other_spellings(folder: Path) -> Iterator[str]:
     """Yield files and folders whose names differ from those of the standard by case only."""
-    for wanted in (*_KNOWN, *_KNOWN_INSIDE):
-        place = folder / wanted
-        found = {p.name for p in place.parent.iterdir()} if place.parent.is_dir() else set()
-        similar = sorted(name for name in found if name.casefold() == place.name.casefold())
-        if similar and place.name not in similar:
-            has = (place.parent / similar[0]).relative_to(folder).as_posix()
-            yield f"The FMU has {has}; its name must be {wanted}, in this case, to be found on every system."
+    for standard_name in (*_STANDARD_ENTRIES, *_STANDARD_FILES):
+        path = folder / standard_name
+        names = {p.name for p in path.parent.iterdir()} if path.parent.is_dir() else set()
+        similar = sorted(name for name in names if name.casefold() == path.name.casefold())
+        if similar and path.name not in similar:
+            actual_name = (path.parent / similar[0]).relative_to(folder).as_posix()
+            yield (
+                f"The FMU has {actual_name}; its name must be {standard_name}, in this case, to be found on "
+                "every system."
+            )
 
 
-def _incomplete(folder: Path) -> Iterator[Problem]:
+def _find_missing_companions(folder: Path) -> Iterator[Problem]:
     """Yield files of FMI 3.0 without those that must be beside them."""
-    for place, clause in _PICTURES.items():
-        if (folder / f"{place}.svg").is_file() and not (folder / f"{place}.png").is_file():
-            yield Breach(f"The FMU has {place}.svg, but no {place}.png.", clause)
+    for picture, clause in _PICTURES.items():
+        if (folder / f"{picture}.svg").is_file() and not (folder / f"{picture}.png").is_file():
+            yield Breach(f"The FMU has {picture}.svg, but no {picture}.png.", clause)
     licences = folder / "documentation/licenses"
     if licences.is_dir() and not any((licences / f"license.{kind}").is_file() for kind in _LICENCE_KINDS):
         names = " or ".join(f"license.{kind}" for kind in _LICENCE_KINDS)
         yield Breach(f"documentation/licenses has no {names}.", _LICENCE)
 
 
-def _words(error: Exception) -> str:
-    said = error.strerror if isinstance(error, OSError) else str(error)
-    return shorten_sentence(said or type(error).__name__).rstrip(".")
+def _describe_error(error: Exception) -> str:
+    message = error.strerror if isinstance(error, OSError) else str(error)
+    return shorten_sentence(message or type(error).__name__).rstrip(".")
 
 
 @check(
@@ -238,10 +243,10 @@ def _words(error: Exception) -> str:
 def documents(subject: Subject) -> CheckOutcome:
     """Check that documentation has its start page. Documentation and a licence are optional."""
     folder = subject.folder / "documentation"
-    others = sorted(p.name for p in folder.glob("*.*") if p.suffix.lower() in _PAGES)
-    has_page = any(name.lower() == "index.html" for name in others)  # `archive.layout` reports the case
-    if others and not has_page:
-        return warned(f"documentation/index.html is missing; there is {others[0]}.")
+    pages = sorted(p.name for p in folder.glob("*.*") if p.suffix.lower() in _PAGES)
+    has_page = any(name.lower() == "index.html" for name in pages)  # `archive.layout` reports the case
+    if pages and not has_page:
+        return warned(f"documentation/index.html is missing; there is {pages[0]}.")
     licences = [folder / "licenses" / f"license.{kind}" for kind in _LICENCE_KINDS]
     has_licence = any(p.is_file() for p in licences) or bool(subject.tree.get("license"))
     page = "It has a start page." if has_page else "It has no documentation, which is optional."

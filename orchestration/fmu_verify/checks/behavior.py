@@ -10,10 +10,10 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.base.arrays import Vector
 
 from ..check import check
-from ..host.experiment import limits_of, make_experiment, span
+from ..host.experiment import make_experiment, read_limits, read_span
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.other_values import Values, other_of, others, settable, start_of
+from ..host.other_values import Values, choose_other_value, list_other_values, list_settable, read_start
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
@@ -21,7 +21,7 @@ from ._clauses import INDICES
 from ._steps import walk
 from ._time import take_in_time
 
-_PART = 0.5
+_TIME_FRACTION = 0.5
 """Part of the time limit in which runs are repeated with other inputs."""
 
 _STEPS = 20
@@ -29,10 +29,10 @@ _MORE_STEPS = 100
 _MOST_PAIRS = 100
 _MOST_INPUTS = 10
 _MOST_CHOICES = 5
-_FAR = 0.3
+_MAX_SLOPE_ERROR = 0.3
 """Distance of a state's slope in a step from its derivative, relative to both, that is too far."""
 
-_MANY = 0.5
+_MAX_WRONG_FRACTION = 0.5
 """Part of the steps that must be wrong: in others, a state may jump."""
 
 _MARGIN = 0.05
@@ -59,49 +59,52 @@ def integrate(subject: Subject) -> CheckOutcome:
     if subject.kinds[0] != "CoSimulation":
         return skipped("The FMU is for Model Exchange: the host integrates it.")
     if subject.has_clocks:
-        said = "Its Clocks may change derivatives within a step: only a reference shows what steps do."
-        return skipped(said, gaps=(said,))
+        message = "Its Clocks may change derivatives within a step: only a reference shows what steps do."
+        return skipped(message, gaps=(message,))
     pairs = [(v.derivative, v) for v in subject.description.modelVariables if v.derivative is not None]
     pairs = [(x, d) for x, d in pairs if x.type == "Real"][:_MOST_PAIRS]
     if not pairs:
-        said = "No variable is declared as a derivative: only a reference shows what steps do."
-        return skipped(said, gaps=(said,))
-    inputs = others(v for v in settable(subject, "input", most=None) if v.type == "Real")
+        message = "No variable is declared as a derivative: only a reference shows what steps do."
+        return skipped(message, gaps=(message,))
+    inputs = list_other_values(v for v in list_settable(subject, "input", most=None) if v.type == "Real")
     runs = [{}, *({name: value} for name, value in list(inputs.items())[:_MOST_INPUTS])]
-    step = span(subject)[1]
+    step = read_span(subject)[1]
     names = [v.name for pair in pairs for v in pair]
-    still, wrong, moved, stays = set(), {}, 0, False
-    for changes in take_in_time(runs, _PART * subject.settings.seconds):
-        moved += len(changes)
-        points, rows = in_separate_process(_held, subject, changes, names)
+    constant_states, messages, moved_count, time_stays = set(), {}, 0, False
+    for changes in take_in_time(runs, _TIME_FRACTION * subject.settings.seconds):
+        moved_count += len(changes)
+        points, rows = in_separate_process(_run_with_constant_inputs, subject, changes, names)
         if len(rows) < 3:
             continue
         if np.any(np.diff(points) <= 0.0):
-            stays = True  # FMI 3.0 allows it: internal steps are longer
+            time_stays = True  # FMI 3.0 allows it: internal steps are longer
             continue
         for k, (state, derivative) in enumerate(pairs):
             x, slopes = rows[:, 2 * k], rows[:, 2 * k + 1]
             if np.all(x == x[0]) and np.all(np.abs(slopes) * step > np.spacing(np.abs(x[0]))):  # not rounded
-                still.add(state.name)
-            elif (apart := _apart(x, slopes, points)) > _MANY:
-                with_what = "".join(f" with {name} = {value:g}" for name, value in changes.items())
-                line = (
-                    f"{state.name} does not follow {derivative.name}{with_what} in {apart:.0%} of the steps."
-                )
-                wrong.setdefault(state.name, line)
-    if still:
-        which = join_few_names(sorted(still))
-        return failed(f"{which} stays the same in {_STEPS} steps, although its derivative is not 0.")
-    gaps = list_left_out(moved, len(inputs), "inputs were moved.")
-    if stays:
+                constant_states.add(state.name)
+            elif (wrong_fraction := _compute_wrong_fraction(x, slopes, points)) > _MAX_WRONG_FRACTION:
+                changed_inputs = "".join(f" with {name} = {value:g}" for name, value in changes.items())
+                line = f"{state.name} does not follow {derivative.name}{changed_inputs}"
+                line = f"{line} in {wrong_fraction:.0%} of the steps."
+                messages.setdefault(state.name, line)
+    if constant_states:
+        names_of_states = join_few_names(sorted(constant_states))
+        return failed(
+            f"{names_of_states} stays the same in {_STEPS} steps, although its derivative is not 0."
+        )
+    gaps = list_left_out(moved_count, len(inputs), "inputs were moved.")
+    if time_stays:
         gaps += (
             "The time that the FMU reaches stays the same in some steps, so that slopes have no length.",
         )
     # internal steps may be longer
-    return judge_problems((), f"{len(pairs)} states follow their derivatives.", list(wrong.values()), gaps)
+    return judge_problems((), f"{len(pairs)} states follow their derivatives.", list(messages.values()), gaps)
 
 
-def _held(subject: Subject, changes: Values, names: Sequence[str]) -> tuple[Vector, Vector]:
+def _run_with_constant_inputs(
+    subject: Subject, changes: Values, names: Sequence[str]
+) -> tuple[Vector, Vector]:
     """Return times in s that the FMU reached, and values after each step to them, with constant inputs."""
     instance, course = HostedInstance(subject), make_experiment(subject, _STEPS)
     instance.initialize(changes, float(course.times[0]))
@@ -113,18 +116,22 @@ def _held(subject: Subject, changes: Values, names: Sequence[str]) -> tuple[Vect
     return np.array(points), np.array(rows, dtype=float).reshape(len(rows), len(names))
 
 
-def _apart(x: Vector, slopes: Vector, points: Vector) -> float:
+def _compute_wrong_fraction(x: Vector, slopes: Vector, points: Vector) -> float:
     """Return the part of the steps in which a state's slope is far from its derivatives at both ends.
 
     A state may jump in some steps, at events.
     """
-    moved, before, after = np.diff(x) / np.diff(points), slopes[:-1], slopes[1:]
+    slope, before, after = np.diff(x) / np.diff(points), slopes[:-1], slopes[1:]
     low, high = np.minimum(before, after), np.maximum(before, after)
     margin = (high - low) + _MARGIN * np.abs(slopes).max() + 1e-12
-    outside = np.maximum(np.maximum(low - margin - moved, moved - high - margin), 0.0)
-    size = np.maximum(np.abs(moved), np.maximum(np.abs(before), np.abs(after)))
-    known = np.isfinite(size) & (size > 0.0)
-    return float(np.mean(outside[known] > _FAR * size[known])) if known.any() else 0.0
+    outside = np.maximum(np.maximum(low - margin - slope, slope - high - margin), 0.0)
+    size = np.maximum(np.abs(slope), np.maximum(np.abs(before), np.abs(after)))
+    is_comparable = np.isfinite(size) & (size > 0.0)
+    return (
+        float(np.mean(outside[is_comparable] > _MAX_SLOPE_ERROR * size[is_comparable]))
+        if is_comparable.any()
+        else 0.0
+    )
 
 
 @check(
@@ -137,66 +144,68 @@ def _apart(x: Vector, slopes: Vector, points: Vector) -> float:
 )
 def inputs(subject: Subject) -> CheckOutcome:
     """Check that an input changes something, if outputs or derivatives are declared to depend on one."""
-    every = [v for v in settable(subject, "input", most=None) if other_of(v) is not None]
-    names = _results(subject)
-    if not every or not names:
+    variables = [v for v in list_settable(subject, "input", most=None) if choose_other_value(v) is not None]
+    names = _list_results(subject)
+    if not variables or not names:
         return skipped("It has no input with another valid value, or nothing that could depend on it.")
-    effect = _has_effect(subject, every, names)
+    effect = _has_effect(subject, variables, names)
     if effect is None:
-        said = "There was no time to move its inputs."
-        return skipped(said, gaps=(said,))
+        message = "There was no time to move its inputs."
+        return skipped(message, gaps=(message,))
     if not effect:
-        said, listed = f"No input changed anything in {_STEPS} steps", _listed(subject)
-        if wrong := [v.name for v in every if v.name in listed]:
-            return warned(f"{said}, although {wrong[0]} is a dependency.")
-        said = f"{said}: only a reference shows if one should."
-        return skipped(said, gaps=(said,))
-    found, limit = every[:_MOST_INPUTS], _PART * subject.settings.seconds
-    bases = _Cached(_bases(subject, found, names))
-    without, tried, steps = [], 0, _STEPS
-    for variable in take_in_time(found, limit):
-        tried += 1
+        message, dependencies = f"No input changed anything in {_STEPS} steps", _list_dependencies(subject)
+        if declared := [v.name for v in variables if v.name in dependencies]:
+            return warned(f"{message}, although {declared[0]} is a dependency.")
+        message = f"{message}: only a reference shows if one should."
+        return skipped(message, gaps=(message,))
+    examined, limit = variables[:_MOST_INPUTS], _TIME_FRACTION * subject.settings.seconds
+    bases = _Cached(_run_bases(subject, examined, names))
+    unused, examined_count, steps = [], 0, _STEPS
+    for variable in take_in_time(examined, limit):
+        examined_count += 1
         if not any(
-            _differs(subject, {**base, variable.name: value}, names, wanted)
-            for base, wanted in bases
-            for value in _tried(variable, base)
+            _changes_run(subject, {**base, variable.name: value}, names, expected)
+            for base, expected in bases
+            for value in _list_alternatives(variable, base)
         ):
-            without.append(variable.name)
-    if without:
-        without, steps = [*_without_long_effect(subject, without, names)], _MORE_STEPS
-    gaps = list_left_out(tried, len(every), "inputs were moved alone.")
-    said = f"{tried - len(without)} of {tried} inputs changed a result."
-    if without:  # parameters or states, such as the direction of a flow, may switch them off
-        return noted(f"{join_few_names(without)} changed nothing in {steps} steps. {said}", gaps=gaps)
-    return passed(said, gaps=gaps)
+            unused.append(variable.name)
+    if unused:
+        unused, steps = [*_find_inputs_without_late_effect(subject, unused, names)], _MORE_STEPS
+    gaps = list_left_out(examined_count, len(variables), "inputs were moved alone.")
+    message = f"{examined_count - len(unused)} of {examined_count} inputs changed a result."
+    if unused:  # parameters or states, such as the direction of a flow, may switch them off
+        return noted(f"{join_few_names(unused)} changed nothing in {steps} steps. {message}", gaps=gaps)
+    return passed(message, gaps=gaps)
 
 
-def _without_long_effect(subject: Subject, without: Sequence[str], names: Sequence[str]) -> Iterator[str]:
+def _find_inputs_without_late_effect(
+    subject: Subject, input_names: Sequence[str], names: Sequence[str]
+) -> Iterator[str]:
     """Yield those of these inputs that change nothing in a longer run, either: it may sample them rarely."""
-    still = in_separate_process(_observe, subject, {}, names, _MORE_STEPS)
-    for name in take_in_time(without, _PART * subject.settings.seconds):
-        values = {name: other_of(subject.variables[name])}
-        if not _differs(subject, values, names, still, _MORE_STEPS):
+    baseline = in_separate_process(_observe, subject, {}, names, _MORE_STEPS)
+    for name in take_in_time(input_names, _TIME_FRACTION * subject.settings.seconds):
+        values = {name: choose_other_value(subject.variables[name])}
+        if not _changes_run(subject, values, names, baseline, _MORE_STEPS):
             yield name
 
 
 def _has_effect(subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]) -> bool | None:
     """Return whether a run changes if inputs are moved, together or alone; None without time for two runs."""
-    compared, limit = False, _PART * subject.settings.seconds
-    alone = [{v.name: other_of(v)} for v in variables]  # together, they may cancel out
-    for parameters, moves in take_in_time(_combinations(subject, variables), limit):
+    was_compared, limit = False, _TIME_FRACTION * subject.settings.seconds
+    single_moves = [{v.name: choose_other_value(v)} for v in variables]  # together, they may cancel out
+    for parameters, moves in take_in_time(_combine_values(subject, variables), limit):
         try:
-            still = in_separate_process(_observe, subject, parameters, names)
+            baseline = in_separate_process(_observe, subject, parameters, names)
         except CallError:  # the model does not bear these values together
             continue
-        for values in take_in_time(moves if parameters else [*moves, *alone], limit):
-            compared = True
-            if _differs(subject, {**parameters, **values}, names, still):
+        for values in take_in_time(moves if parameters else [*moves, *single_moves], limit):
+            was_compared = True
+            if _changes_run(subject, {**parameters, **values}, names, baseline):
                 return True
-    return False if compared else None
+    return False if was_compared else None
 
 
-def _combinations(
+def _combine_values(
     subject: Subject, variables: Sequence[ModelVariable]
 ) -> Iterator[tuple[Values, list[Values]]]:
     """Yield values of parameters, and values of all inputs for runs with them: others, then far ones.
@@ -206,24 +215,24 @@ def _combinations(
     """
     far: list[Values] = [{}, {}]
     for variable in variables:
-        ends = _far(variable) or [other_of(variable)] * 2
+        ends = _list_far_values(variable) or [choose_other_value(variable)] * 2
         for base, value in zip(far, ends, strict=True):
             base[variable.name] = value
-    moved = {v.name: other_of(v) for v in variables}
-    parameters = settable(subject, "parameter")
-    choices = others(v for v in parameters if v.type in ("Boolean", "Enumeration"))
-    gains = others(v for v in parameters if v.type in ("Real", "Integer"))
+    moved_values = {v.name: choose_other_value(v) for v in variables}
+    parameters = list_settable(subject, "parameter")
+    choices = list_other_values(v for v in parameters if v.type in ("Boolean", "Enumeration"))
+    gains = list_other_values(v for v in parameters if v.type in ("Real", "Integer"))
     one_by_one = [{name: value} for name, value in choices.items()] if len(choices) > 1 else []
     switches = [choices, *one_by_one[:_MOST_CHOICES], gains, {**choices, **gains}]
-    yield {}, [moved, *far]
-    yield from ((values, [moved]) for values in switches if values)
+    yield {}, [moved_values, *far]
+    yield from ((values, [moved_values]) for values in switches if values)
 
 
-def _bases(
+def _run_bases(
     subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]
 ) -> Iterator[tuple[Values, Any]]:
     """Yield values of parameters and all inputs, with the run that they give: start values, then others."""
-    for parameters, moves in _combinations(subject, variables):
+    for parameters, moves in _combine_values(subject, variables):
         for values in moves if parameters else ({}, *moves):
             base = {**parameters, **values}
             with suppress(CallError):  # the model does not bear these values together
@@ -243,33 +252,33 @@ class _Cached:
             yield item
 
 
-def _far(variable: ModelVariable) -> list[float]:
+def _list_far_values(variable: ModelVariable) -> list[float]:
     """Return values of a Real far above and below the others."""
     if variable.type != "Real":
         return []
-    low, high = limits_of(variable)
-    far = 10.0 * max(abs(other_of(variable)), 1.0)
+    low, high = read_limits(variable)
+    far = 10.0 * max(abs(choose_other_value(variable)), 1.0)
     return [min(max(v, low), high) for v in (far, -far)]
 
 
-def _tried(variable: ModelVariable, base: Values) -> list[Any]:
+def _list_alternatives(variable: ModelVariable, base: Values) -> list[Any]:
     """Return values to try in place of that of a base: another one, and far ones."""
-    start, other = start_of(variable), other_of(variable)
-    return [start if base.get(variable.name) == other else other, *_far(variable)]
+    start, other_value = read_start(variable), choose_other_value(variable)
+    return [start if base.get(variable.name) == other_value else other_value, *_list_far_values(variable)]
 
 
-def _differs(
-    subject: Subject, changes: Values, names: Sequence[str], wanted: Any, steps: int = _STEPS
+def _changes_run(
+    subject: Subject, changes: Values, names: Sequence[str], expected: Any, steps: int = _STEPS
 ) -> bool:
     try:
-        return in_separate_process(_observe, subject, changes, names, steps) != wanted
+        return in_separate_process(_observe, subject, changes, names, steps) != expected
     except CallError:  # the model does not bear this value, so it counts
         return True
 
 
 def _observe(subject: Subject, changes: Values, names: Sequence[str], steps: int = _STEPS) -> list[list[Any]]:
     """Return values after initialization and each step of a run with these inputs."""
-    start, step, count = span(subject)
+    start, step, count = read_span(subject)
     instance = HostedInstance(subject)
     instance.initialize(changes, start)
     rows = [[str(v) for v in instance.get(names)]]
@@ -281,17 +290,17 @@ def _observe(subject: Subject, changes: Values, names: Sequence[str], steps: int
     return rows
 
 
-def _results(subject: Subject) -> list[str]:
+def _list_results(subject: Subject) -> list[str]:
     """Return the names of outputs and derivatives."""
     description = subject.description
-    found = [v.name for v in description.modelVariables if v.causality == "output"]
+    result_names = [v.name for v in description.modelVariables if v.causality == "output"]
     states = [v.derivative.name for v in description.modelVariables if v.derivative is not None]
-    found += [u.variable.name for u in description.derivatives if u.variable is not None]
-    names = dict.fromkeys([*found, *states])
+    result_names += [u.variable.name for u in description.derivatives if u.variable is not None]
+    names = dict.fromkeys([*result_names, *states])
     return list(names)[:_MOST_PAIRS]
 
 
-def _listed(subject: Subject) -> set[str]:
+def _list_dependencies(subject: Subject) -> set[str]:
     """Return the names of variables that outputs or derivatives are declared to depend on."""
     description = subject.description
     unknowns = [*description.outputs, *description.derivatives]
@@ -314,20 +323,22 @@ def interpolation(subject: Subject) -> CheckOutcome:
     """Check that a derivative of the inputs changes a run in which other inputs would change it."""
     if subject.kinds[0] != "CoSimulation" or not subject.has_capability("canInterpolateInputs"):
         return skipped("canInterpolateInputs is not set.")
-    found = [v for v in settable(subject, "input") if v.type == "Real" and other_of(v) is not None]
-    found = [v for v in found if v.variability in (None, "continuous")]
-    names = _results(subject)
-    if not found or not names:
+    inputs = [
+        v for v in list_settable(subject, "input") if v.type == "Real" and choose_other_value(v) is not None
+    ]
+    inputs = [v for v in inputs if v.variability in (None, "continuous")]
+    names = _list_results(subject)
+    if not inputs or not names:
         return skipped("It has no continuous Real input, or nothing that could depend on one.")
-    changes = {v.name: other_of(v) for v in found}
-    plain = {v.name: start_of(v) for v in found}
-    steady, sloped, other = (
-        in_fresh_process(_interpolated, subject, values, slopes, names)
+    changes = {v.name: choose_other_value(v) for v in inputs}
+    plain = {v.name: read_start(v) for v in inputs}
+    plain_run, run_with_derivatives, moved_run = (
+        in_fresh_process(_run_with_input_derivatives, subject, values, slopes, names)
         for values, slopes in ((plain, {}), (plain, changes), (changes, {}))
     )
-    if sloped != steady:
+    if run_with_derivatives != plain_run:
         return passed("Derivatives of the inputs change a run.")
-    if other == steady:
+    if moved_run == plain_run:
         return skipped("No input has an effect, so that no derivative can have one.")
     # without states, nothing need happen within a step
     judge = failed if any(v.derivative is not None for v in subject.description.modelVariables) else warned
@@ -337,9 +348,11 @@ def interpolation(subject: Subject) -> CheckOutcome:
     )
 
 
-def _interpolated(subject: Subject, values: Values, slopes: Values, names: Sequence[str]) -> list[list[Any]]:
+def _run_with_input_derivatives(
+    subject: Subject, values: Values, slopes: Values, names: Sequence[str]
+) -> list[list[Any]]:
     """Return values after each step of a run; inputs change by the difference to the start in one step."""
-    start, step, count = span(subject)
+    start, step, count = read_span(subject)
     instance = HostedInstance(subject)
     instance.initialize(values, start)
     references = [instance.reference(name) for name in values]

@@ -30,7 +30,7 @@ from ..subject import Subject
 from ..subprocess_run import note
 from ..verdict import CheckOutcome, Clause, blocked, failed, fmi3, in_both, passed, skipped
 
-_HERE = (fmpy.platform_tuple, fmpy.platform)
+_THIS_PLATFORM = (fmpy.platform_tuple, fmpy.platform)
 _NAME = Clause(
     "2.3",
     "<modelIdentifier>.so    // Shared library of the FMI implementation",
@@ -56,26 +56,26 @@ _NAME = Clause(
 )
 def present(subject: Subject) -> CheckOutcome:
     """Check that there is a library for this or another platform, or sources, with the model's name."""
-    found = list_libraries(subject)
+    libraries = list_libraries(subject)
     sources = list_source_files(subject)
-    misnamed = list(_misnamed(subject))
-    problems: list[Problem] = [Breach(one.message, _NAME) for one in misnamed if one.is_similar]
-    doubts: list[Problem] = [Breach(one.message, _NAME) for one in misnamed if not one.is_similar]
-    without = [k for k in subject.kinds if not any(k in one.kinds for one in found)]
-    if without and not sources and not problems:
+    misnamed = list(_find_misnamed(subject))
+    problems: list[Problem] = [Breach(library.message, _NAME) for library in misnamed if library.is_similar]
+    doubts: list[Problem] = [Breach(library.message, _NAME) for library in misnamed if not library.is_similar]
+    missing_kinds = [k for k in subject.kinds if not any(k in library.kinds for library in libraries)]
+    if missing_kinds and not sources and not problems:
         folders = ", ".join(p.name for p in list_platforms(subject)) or "no platform"
-        name = subject.tree.find(without[0]).get("modelIdentifier")
+        name = subject.tree.find(missing_kinds[0]).get("modelIdentifier")
         return failed(
             f"There are binaries for {folders}, but none has the name {name}, and there are no sources."
         )
-    names = join_few_names(sorted({one.platform for one in found}))
-    fine = f"There are binaries for {names}."
-    if not found:
-        fine = "There are sources only."
-    elif not any(one.platform in _HERE for one in found):
-        fine = f"There are binaries for {names}, but none for {fmpy.platform}."
-    is_here = any(one.platform in _HERE for one in misnamed)
-    return replace(judge_problems(problems, fine, doubts), blocks=is_here or not (found or sources))
+    names = join_few_names(sorted({library.platform for library in libraries}))
+    message = f"There are binaries for {names}."
+    if not libraries:
+        message = "There are sources only."
+    elif not any(library.platform in _THIS_PLATFORM for library in libraries):
+        message = f"There are binaries for {names}, but none for {fmpy.platform}."
+    is_here = any(library.platform in _THIS_PLATFORM for library in misnamed)
+    return replace(judge_problems(problems, message, doubts), blocks=is_here or not (libraries or sources))
 
 
 class _Misnamed(NamedTuple):
@@ -87,33 +87,33 @@ class _Misnamed(NamedTuple):
     """Whether a library has the name of the model in another spelling, with which tools do not find it."""
 
 
-def _misnamed(subject: Subject) -> Iterator[_Misnamed]:
+def _find_misnamed(subject: Subject) -> Iterator[_Misnamed]:
     names = {subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
     for folder in list_platforms(subject):
         suffix = find_suffix(folder.name)
         if not suffix or (subject.version == 3 and folder.name in NAMES_OF_VERSION_2):
             continue
         files = [p for p in sorted(folder.iterdir()) if p.is_file() and p.suffix.lower() in SUFFIXES]
-        found = {p.stem for p in files if p.suffix == suffix and p.stem in names}
+        found_names = {p.stem for p in files if p.suffix == suffix and p.stem in names}
         if not any(folder.iterdir()):
             yield _Misnamed(folder.name, f"binaries/{folder.name} is empty.", False)
-        if not files or found == names:
+        if not files or found_names == names:
             continue
-        if found:
-            wanted = join_few_names(sorted(f"{name}{suffix}" for name in names - found))
-            yield _Misnamed(folder.name, f"binaries/{folder.name} has no {wanted}.", False)
+        if found_names:
+            expected = join_few_names(sorted(f"{name}{suffix}" for name in names - found_names))
+            yield _Misnamed(folder.name, f"binaries/{folder.name} has no {expected}.", False)
             continue
-        similar = [p for p in files if _similar_names(p, names) and not describe_mismatch(p, folder.name)]
+        similar = [p for p in files if _has_similar_name(p, names) and not describe_mismatch(p, folder.name)]
         if not similar and any(describe_mismatch(p, folder.name) for p in files):
             continue  # `binaries.platform` reports it
-        wanted = join_few_names(sorted(f"{name}{suffix}" for name in names))
-        has = join_few_names([p.name for p in similar or files])
-        is_found = suffix == ".dll" and any(p.name.casefold() in wanted.casefold() for p in similar)
-        message = f"binaries/{folder.name} has {has}, but no {wanted}."
+        expected = join_few_names(sorted(f"{name}{suffix}" for name in names))
+        actual = join_few_names([p.name for p in similar or files])
+        is_found = suffix == ".dll" and any(p.name.casefold() in expected.casefold() for p in similar)
+        message = f"binaries/{folder.name} has {actual}, but no {expected}."
         yield _Misnamed(folder.name, message, bool(similar) and not is_found)  # Windows ignores the case
 
 
-def _similar_names(path: Path, names: set[str]) -> bool:
+def _has_similar_name(path: Path, names: set[str]) -> bool:
     stem = path.stem.casefold()
     return any(name.casefold() in (stem, stem.removeprefix("lib")) for name in names)
 
@@ -136,18 +136,24 @@ def _similar_names(path: Path, names: set[str]) -> bool:
 )
 def symbols(subject: Subject) -> CheckOutcome:
     """Check that each library exports every FMI function for the kinds of the FMU."""
-    found = [one for one in list_libraries(subject) if not describe_mismatch(one.path, one.platform)]
-    if not found:
+    libraries = [
+        library
+        for library in list_libraries(subject)
+        if not describe_mismatch(library.path, library.platform)
+    ]
+    if not libraries:
         return skipped("There are no binaries.")
-    problems = [(one, p) for one in found for p in _lacking(one, subject.version)]
-    fine = f"All functions are exported by {join_few_names([str(one) for one in found])}."
+    problems = [
+        (library, p) for library in libraries for p in _find_missing_functions(library, subject.version)
+    ]
+    fine = f"All functions are exported by {join_few_names([str(library) for library in libraries])}."
     outcome = judge_problems([p for _, p in problems], fine)
-    return replace(outcome, blocks=any(one.platform in _HERE for one, _ in problems))
+    return replace(outcome, blocks=any(library.platform in _THIS_PLATFORM for library, _ in problems))
 
 
-def _lacking(library: Library, version: int) -> Iterator[str]:
+def _find_missing_functions(library: Library, version: int) -> Iterator[str]:
     if missing := missing_bytes(library.path):
-        if library.platform not in _HERE:  # `binaries.loads` reports the others
+        if library.platform not in _THIS_PLATFORM:  # `binaries.loads` reports the others
             yield f"{library} is truncated: its last {missing} bytes are missing."
         return
     note(f"reading {library}", is_reading=True)
@@ -156,9 +162,9 @@ def _lacking(library: Library, version: int) -> Iterator[str]:
         yield f"{library} is not a readable shared library."
         return
     names = list_exports(binary)
-    wanted = dict.fromkeys(n for kind in library.kinds for n in list_functions(kind, version))
-    if lacking := [name for name in wanted if name not in names]:
-        yield f"{library} does not export {join_few_names(lacking)}."
+    required = dict.fromkeys(n for kind in library.kinds for n in list_functions(kind, version))
+    if missing_names := [name for name in required if name not in names]:
+        yield f"{library} does not export {join_few_names(missing_names)}."
 
 
 @check(
@@ -175,24 +181,24 @@ def _lacking(library: Library, version: int) -> Iterator[str]:
 )
 def loads(subject: Subject) -> CheckOutcome:
     """Check that the system can load the library for this platform."""
-    here = [one for one in list_libraries(subject) if one.platform in _HERE]
-    if not here:
+    libraries = [candidate for candidate in list_libraries(subject) if candidate.platform in _THIS_PLATFORM]
+    if not libraries:
         identifier = subject.tree.find(subject.kinds[0]).get("modelIdentifier")
         return blocked(f"It {explain_missing_library(subject.folder, identifier)}.")
-    for library in here:
+    for library in libraries:
         if missing := missing_bytes(library.path):
             return failed(f"{library} is truncated: its last {missing} bytes are missing.")
-    for library in here:
+    for library in libraries:
         note(f"loading {library}")
         try:
             ctypes.CDLL(str(library.path))
         except (OSError, UnicodeDecodeError) as error:  # the loader's message can quote bytes of the library
             fact, remedy = diagnose_library(library.path, error)
             sentence = shorten_sentence(f"{library} {fact}")
-            others = find_dependencies_file(subject)
-            if others:
-                return blocked(f"{sentence}; {others} lists what it needs.")
+            dependencies_file = find_dependencies_file(subject)
+            if dependencies_file:
+                return blocked(f"{sentence}; {dependencies_file} lists what it needs.")
             return failed(f"{sentence}.", hint=remedy)
     if subject.description_problem:
         return blocked(subject.description_problem)
-    return passed(f"{join_few_names([str(one) for one in here])} can be loaded.")
+    return passed(f"{join_few_names([str(candidate) for candidate in libraries])} can be loaded.")

@@ -7,14 +7,14 @@ from typing import Any
 from ..check import check
 from ..host.experiment import make_experiment
 from ..host.hosted_instance import HostedInstance
-from ..host.instance_runs import outputs, step_instance
-from ..host.other_values import other_of, same, show
+from ..host.instance_runs import list_outputs, step_instance
+from ..host.other_values import are_same, choose_other_value, format_value
 from ..messages import judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, own_rule, skipped
 
 _STEPS = 5
-_MOST = 300
+_MAX_VARIABLES = 300
 
 
 @check(
@@ -32,19 +32,19 @@ _MOST = 300
 def initial(subject: Subject) -> CheckOutcome:
     """Read outputs in initialization mode; those of Clocks may begin with the first tick."""
     instance, course = HostedInstance(subject), make_experiment(subject, 1)
-    every = [n for n in outputs(subject) if not subject.variables[n].clocks]
-    names = every[:_MOST]
+    output_names = [n for n in list_outputs(subject) if not subject.variables[n].clocks]
+    names = output_names[:_MAX_VARIABLES]
     tolerance, start = subject.interface.tolerance, float(course.times[0])
     instance.begin_initialization(start, None, tolerance, lambda: instance.set(course.at(0)))
-    found = dict(zip(names, instance.get(names), strict=True))
+    values = dict(zip(names, instance.get(names), strict=True))
     instance.free()
-    wrong = [
+    warnings = [
         f"{name} is {value:g} in initialization mode."
-        for name, value in found.items()
+        for name, value in values.items()
         if not math.isfinite(value)
     ]
-    gaps = list_left_out(len(names), len(every), "outputs were read in initialization mode.")
-    return judge_problems((), f"{len(names)} outputs are finite in initialization mode.", wrong, gaps)
+    gaps = list_left_out(len(names), len(output_names), "outputs were read in initialization mode.")
+    return judge_problems((), f"{len(names)} outputs are finite in initialization mode.", warnings, gaps)
 
 
 @check(
@@ -68,10 +68,10 @@ def final(subject: Subject) -> CheckOutcome:
     if subject.has_clocks:
         return skipped("Values of clocked variables need not be readable between ticks.")
     instance, course = HostedInstance(subject), make_experiment(subject, _STEPS)
-    every = [
+    variable_names = [
         v.name for v in subject.description.modelVariables if v.causality in ("output", "input", "parameter")
     ]
-    names = every[:_MOST]
+    names = variable_names[:_MAX_VARIABLES]
     instance.initialize(course.at(0), float(course.times[0]))
     step_instance(instance, course)
     if instance.terminated:
@@ -81,11 +81,11 @@ def final(subject: Subject) -> CheckOutcome:
     after = instance.get(names)
     instance.free()
     changed = [
-        f"{name} is {show(new)} after fmi2Terminate; before it was {show(old)}."
+        f"{name} is {format_value(new)} after fmi2Terminate; before it was {format_value(old)}."
         for name, old, new in zip(names, before, after, strict=True)
-        if not same(new, old) and not (old != old and new != new)
+        if not are_same(new, old) and not (old != old and new != new)
     ]
-    gaps = list_left_out(len(names), len(every), "values were compared.")
+    gaps = list_left_out(len(names), len(variable_names), "values were compared.")
     return judge_problems(changed, f"{len(names)} values are the same after fmi2Terminate.", (), gaps)
 
 
@@ -109,40 +109,40 @@ def direct(subject: Subject) -> CheckOutcome:
     """Set inputs between steps, and read the outputs that are declared to change with them at once."""
     if subject.kinds[0] != "CoSimulation" or subject.has_clocks:
         return skipped("The FMU is for Model Exchange, or has Clocks.")
-    every = [*_list_pairs(subject)]
-    pairs = every[:_MOST]
+    all_pairs = [*_list_pairs(subject)]
+    pairs = all_pairs[:_MAX_VARIABLES]
     if not pairs:
         return skipped("No output has a constant or fixed factor of an input.")
     instance, course = HostedInstance(subject), make_experiment(subject, 3)
     instance.initialize(course.at(0), float(course.times[0]))
     step_instance(instance, course)
-    late = list[str]()
+    warnings = list[str]()
     for known, names in pairs:
         (old,), before = instance.get([known]), instance.get(names)
-        instance.set({known: _other(subject, known, old)})
+        instance.set({known: _choose_new_value(subject, known, old)})
         after = instance.get(names)
         instance.set({known: old})
-        late += [
-            f"{name} stays {show(value)} when {known} is set between steps, on which it is declared to "
-            "depend by a constant factor."
+        warnings += [
+            f"{name} stays {format_value(value)} when {known} is set between steps, on which it is declared "
+            "to depend by a constant factor."
             for name, value, new in zip(names, before, after, strict=True)
             if value == new
         ]
     instance.free()
-    gaps = list_left_out(len(pairs), len(every), "inputs were set.")
-    return judge_problems((), f"Outputs follow {len(pairs)} inputs at once.", late, gaps)
+    gaps = list_left_out(len(pairs), len(all_pairs), "inputs were set.")
+    return judge_problems((), f"Outputs follow {len(pairs)} inputs at once.", warnings, gaps)
 
 
-def _other(subject: Subject, name: str, value: Any) -> Any:
+def _choose_new_value(subject: Subject, name: str, value: Any) -> Any:
     """Return the start value, another one, whichever is not the present value."""
     variable = subject.variables[name]
-    other = other_of(variable)
-    return float(str(variable.start)) if same(other, value) else other
+    other_value = choose_other_value(variable)
+    return float(str(variable.start)) if are_same(other_value, value) else other_value
 
 
 def _list_pairs(subject: Subject) -> Iterator[tuple[str, list[str]]]:
     """Yield inputs and the outputs that depend on them by a constant or fixed factor."""
-    found = dict[str, list[str]]()
+    outputs_by_input = dict[str, list[str]]()
     # elements of arrays of FMI 3.0 have no kinds: each may depend on all others
     for unknown in subject.read_description().outputs:
         if unknown.variable is None:
@@ -152,6 +152,9 @@ def _list_pairs(subject: Subject) -> Iterator[tuple[str, list[str]]]:
             reals = [subject.variables.get(v.name) for v in (known, unknown.variable)]
             if known.causality != "input" or any(v is None or v.type != "Real" for v in reals):
                 continue
-            if kind in ("constant", "fixed") and other_of(subject.variables[known.name]) is not None:
-                found.setdefault(known.name, []).append(unknown.variable.name)
-    yield from found.items()
+            if (
+                kind in ("constant", "fixed")
+                and choose_other_value(subject.variables[known.name]) is not None
+            ):
+                outputs_by_input.setdefault(known.name, []).append(unknown.variable.name)
+    yield from outputs_by_input.items()

@@ -9,7 +9,7 @@ from typing import Any
 from emla_cosim.fmu.instance import FINE, STATUS
 
 from ..check import check
-from ..host.experiment import span
+from ..host.experiment import read_span
 from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import EndlessIterationError, HostedInstance
 from ..messages import judge_problems
@@ -50,44 +50,46 @@ _TYPES_3 = {
 )
 def buffers(subject: Subject) -> CheckOutcome:
     """Look behind the arrays that functions fill: an FMU that writes there damages the memory of its host."""
-    instance, written = HostedInstance(subject), list[str]()
-    instance.initialize(None, span(subject)[0])
-    tried = 0
+    instance, problems = HostedInstance(subject), list[str]()
+    instance.initialize(None, read_span(subject)[0])
+    tried_count = 0
     for function, kind, references in _list_calls(subject):
-        tried += 1
-        memory = _guarded(len(references) * ctypes.sizeof(kind))
-        values = ctypes.cast(memory, ctypes.POINTER(kind))
+        tried_count += 1
+        block = _allocate_guarded(len(references) * ctypes.sizeof(kind))
+        values = ctypes.cast(block, ctypes.POINTER(kind))
         count = (len(references),) if subject.version == 3 else ()
         array = (ctypes.c_uint * len(references))(*references)
         instance.status(function, array, len(references), values, *count)
-        written += _overrun(memory, f"{function} of {len(references)} values")
+        problems += _describe_overrun(block, f"{function} of {len(references)} values")
     instance.free()
     if "ModelExchange" in subject.run_kinds:
         instance = HostedInstance(subject, name="model", kind="ModelExchange")
         try:
-            instance.initialize(None, span(subject)[0])
+            instance.initialize(None, read_span(subject)[0])
         except EndlessIterationError as error:
             return explain_endless(error)
         model = instance.model
         assert model is not None
         listed = int(subject.description.numberOfEventIndicators or 0)
         if model.indicator_count != listed:
-            written.append(
+            problems.append(
                 f"It says that it has {model.indicator_count} event indicators; modelDescription.xml lists "
                 f"{listed}."
             )
-        for what, call, count in (
+        for description, call, count in (
             ("states", model.read_states, model.state_count),
             ("derivatives", model.derive, model.state_count),
             ("event indicators", model.indicate, model.indicator_count),
         ):
-            tried += 1
-            memory = _guarded(8 * count)
+            tried_count += 1
+            block = _allocate_guarded(8 * count)
             with instance.calling():
-                call(ctypes.addressof(memory))
-            written += _overrun(memory, f"The function for {what}, of which there are {count},")
+                call(ctypes.addressof(block))
+            problems += _describe_overrun(
+                block, f"The function for {description}, of which there are {count},"
+            )
         instance.free()
-    return judge_problems(written, f"{tried} functions wrote only the values that they return.")
+    return judge_problems(problems, f"{tried_count} functions wrote only the values that they return.")
 
 
 @check(
@@ -123,7 +125,7 @@ def _call_for_nothing(subject: Subject, is_null: bool) -> list[str]:
     instance, refused = HostedInstance(subject), dict[str, None]()
     how = " for 0 variables with NULL pointers" if is_null else " for 0 variables"
     count = (0,) if subject.version == 3 else ()
-    for enter in (lambda: instance.begin_initialization(span(subject)[0]), instance.exit_initialization):
+    for enter in (lambda: instance.begin_initialization(read_span(subject)[0]), instance.exit_initialization):
         instance.circumstance = ""
         enter()
         instance.circumstance = how
@@ -139,25 +141,25 @@ def _call_for_nothing(subject: Subject, is_null: bool) -> list[str]:
 
 def _list_calls(subject: Subject) -> Iterator[tuple[str, Any, list[int]]]:
     """Yield a function for each type of scalars, the type of its values, and their value references."""
-    found = defaultdict[str, list[int]](list)
+    references_by_type = defaultdict[str, list[int]](list)
     for v in subject.description.modelVariables:
         if not v.clocks and getattr(v, "size", 1) == 1:
-            found[str(getattr(v, "data_type", v.type))].append(int(v.valueReference))
+            references_by_type[str(getattr(v, "data_type", v.type))].append(int(v.valueReference))
     number = "Int64" if subject.version == 3 else "Integer"
-    found[number] += found.pop("Enumeration", [])
+    references_by_type[number] += references_by_type.pop("Enumeration", [])
     types: dict[str, Any] = _TYPES_3 if subject.version == 3 else _TYPES_2
-    for name, references in found.items():
+    for name, references in references_by_type.items():
         if name in types and references:
             yield f"fmi{subject.version}Get{name}", types[name], references
 
 
-def _guarded(size: int) -> Any:
+def _allocate_guarded(size: int) -> Any:
     """Return memory with a guard behind it."""
     return (ctypes.c_ubyte * (size + _GUARD))(*[_FILL] * (size + _GUARD))
 
 
-def _overrun(memory: Any, what: str) -> Iterator[str]:
+def _describe_overrun(block: Any, description: str) -> Iterator[str]:
     """Yield a sentence if the guard changed."""
-    changed = [k for k, byte in enumerate(memory[len(memory) - _GUARD :]) if byte != _FILL]
+    changed = [k for k, byte in enumerate(block[len(block) - _GUARD :]) if byte != _FILL]
     if changed:
-        yield f"{what} writes {changed[-1] + 1} bytes behind them."
+        yield f"{description} writes {changed[-1] + 1} bytes behind them."

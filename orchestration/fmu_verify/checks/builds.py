@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from ..binary_headers import NAMES_OF_VERSION_2, wanted_target
+from ..binary_headers import NAMES_OF_VERSION_2, parse_platform
 from ..c_sources import BUILD_DESCRIPTION, find_inside, read_build_description
 from ..check import check
 from ..declarations import find_repeated
@@ -64,28 +64,31 @@ def description(subject: Subject) -> CheckOutcome:
         return skipped("The FMU has no sources.")
     if problems := find_schema_problems(root, "fmi3BuildDescription.xsd"):
         return judge_problems(problems, "")
-    found: list[Problem] = [*_unlike_model(root, subject), *_missing_files(root, subject)]
+    problems_of_files: list[Problem] = [
+        *_find_contradictions(root, subject),
+        *_find_missing_files(root, subject),
+    ]
     count = len(root.findall("BuildConfiguration"))
     fine = f"The build description has {count} configurations; all files exist."
-    return judge_problems(found, fine, [*_missing_libraries(root, subject)])
+    return judge_problems(problems_of_files, fine, [*_find_missing_libraries(root, subject)])
 
 
-def _unlike_model(root: Any, subject: Subject) -> Iterator[Problem]:
+def _find_contradictions(root: Any, subject: Subject) -> Iterator[Problem]:
     """Yield contradictions to the model description."""
-    version, wanted = root.get("fmiVersion"), subject.tree.get("fmiVersion")
-    if version != wanted:
-        yield Breach(f"The build description has the fmiVersion {version}, not {wanted}.", _VERSION)
-    known = {subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
+    version, expected = root.get("fmiVersion"), subject.tree.get("fmiVersion")
+    if version != expected:
+        yield Breach(f"The build description has the fmiVersion {version}, not {expected}.", _VERSION)
+    identifiers = {subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
     configurations = root.findall("BuildConfiguration")
     for name in dict.fromkeys(e.get("modelIdentifier") for e in configurations):
-        if name not in known:
+        if name not in identifiers:
             yield Breach(f"A build configuration is for {name}, which is no modelIdentifier.", _IDENTIFIER)
     fallbacks = [e.get("modelIdentifier") for e in configurations if e.get("platform") is None]
     for name in find_repeated(fallbacks):
         yield Breach(f"{name} has more than one build configuration without a platform.", _FALLBACK)
 
 
-def _missing_files(root: Any, subject: Subject) -> Iterator[Problem]:
+def _find_missing_files(root: Any, subject: Subject) -> Iterator[Problem]:
     folder = subject.folder / "sources"
     for name in dict.fromkeys(e.get("name") for e in root.iterfind(".//SourceFile")):
         if find_inside(folder, name) is None:
@@ -96,11 +99,11 @@ def _missing_files(root: Any, subject: Subject) -> Iterator[Problem]:
     for configuration in root.iterfind("BuildConfiguration"):
         platform = configuration.get("platform")
         if platform in NAMES_OF_VERSION_2:
-            tuple_ = "-".join(reversed(wanted_target(platform) or ()))
+            tuple_ = "-".join(reversed(parse_platform(platform) or ()))
             yield Breach(f"A build configuration is for {platform}; in FMI 3.0 that is {tuple_}.", _PLATFORM)
 
 
-def _missing_libraries(root: Any, subject: Subject) -> Iterator[Problem]:
+def _find_missing_libraries(root: Any, subject: Subject) -> Iterator[Problem]:
     """Yield libraries that the environment need not provide, but that the FMU does not have."""
     for configuration in root.iterfind("BuildConfiguration"):
         platform = configuration.get("platform")

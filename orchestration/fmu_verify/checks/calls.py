@@ -11,10 +11,10 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.fmu.instance import FATAL, FINE
 
 from ..check import check
-from ..host.experiment import make_experiment, parse_number, span
+from ..host.experiment import make_experiment, parse_number, read_span
 from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import outputs
+from ..host.instance_runs import list_outputs
 from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, failed, fmi3, noted, own_rule, passed, warned
@@ -38,9 +38,9 @@ class _Forbidden(NamedTuple):
 
 
 _CALLS: dict[str, Callable[[HostedInstance], int]] = {
-    "fmi2EnterInitializationMode": lambda i: i.enter_initialization_status(span(i.subject)[0]),
-    "fmi2SetupExperiment": lambda i: i.status("fmi2SetupExperiment", 0, 0.0, span(i.subject)[0], 0, 0.0),
-    "fmi2DoStep": lambda i: i.step_status(*span(i.subject)[:2]),
+    "fmi2EnterInitializationMode": lambda i: i.enter_initialization_status(read_span(i.subject)[0]),
+    "fmi2SetupExperiment": lambda i: i.status("fmi2SetupExperiment", 0, 0.0, read_span(i.subject)[0], 0, 0.0),
+    "fmi2DoStep": lambda i: i.step_status(*read_span(i.subject)[:2]),
 }
 """Calls of functions with arguments."""
 
@@ -130,7 +130,7 @@ def go_to_phase(instance: HostedInstance, phase: str) -> None:
     """Call what leads to a phase."""
     reached = _PHASES.index(phase)
     if reached >= 1:
-        instance.begin_initialization(span(instance.subject)[0])
+        instance.begin_initialization(read_span(instance.subject)[0])
     if reached >= 2:
         instance.exit_initialization()
     if reached >= 3:
@@ -173,33 +173,41 @@ def nonfinite(subject: Subject) -> CheckOutcome:
     variables = [*subject.of_causality("input"), *subject.of_causality("parameter")]
     variables = [v for v in variables if v.variability != "constant" and v.start is not None]
     try:
-        silent, tried = in_fresh_process(_find_silent, subject, variables[:_MOST_VARIABLES])
+        accepted, variable_count = in_fresh_process(
+            _find_accepted_values, subject, variables[:_MOST_VARIABLES]
+        )
     except EndedError as error:
         return warned(str(error), clause=RETURNS)
-    gaps = list_left_out(tried, len(variables), "inputs and parameters were set to NaN.")
-    if silent:
-        said = f"The FMU accepted {len(silent)} values that are not finite, without a message: {silent[0]}"
-        return noted(said, details=tuple(silent), gaps=gaps)
-    return passed(f"{tried} inputs and parameters were set to NaN and infinity, without harm.", gaps=gaps)
+    gaps = list_left_out(variable_count, len(variables), "inputs and parameters were set to NaN.")
+    if accepted:
+        message = (
+            f"The FMU accepted {len(accepted)} values that are not finite, without a message: {accepted[0]}"
+        )
+        return noted(message, details=tuple(accepted), gaps=gaps)
+    return passed(
+        f"{variable_count} inputs and parameters were set to NaN and infinity, without harm.", gaps=gaps
+    )
 
 
-def _find_silent(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list[str], int]:
+def _find_accepted_values(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list[str], int]:
     """Return values that were accepted without a message although NaN comes out, and how many were tried."""
     values = (math.nan, math.inf)
-    silent, tried = list[str](), 0
+    accepted, call_count = list[str](), 0
     for variable, value in take_in_time(product(variables, values), 0.5 * subject.settings.seconds):
-        found = in_separate_process(_spoiled, subject, variable, value)
-        if found is None:
+        nonfinite_outputs = in_separate_process(_find_nonfinite_output, subject, variable, value)
+        if nonfinite_outputs is None:
             break
-        silent += [
+        accepted += [
             f"{variable.name} = {value} gives {name} = {got}, and every call returns fmi2OK."
-            for name, got in found
+            for name, got in nonfinite_outputs
         ]
-        tried += 1
-    return silent, tried // len(values)
+        call_count += 1
+    return accepted, call_count // len(values)
 
 
-def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tuple[str, float]] | None:
+def _find_nonfinite_output(
+    subject: Subject, variable: ModelVariable, value: float
+) -> list[tuple[str, float]] | None:
     """Return the first output that is not finite after this value was set, unless a call refused it.
 
     After fmi2Fatal no function of the FMU can be called, so that the result is None.
@@ -208,19 +216,19 @@ def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tu
     instance.circumstance = f" with {variable.name} = {value}"
     changes = {variable.name: value}
     before, later = ({}, changes) if variable.causality == "input" else (changes, {})
-    names, found = outputs(subject), []
+    names, output_values = list_outputs(subject), []
     try:
         instance.initialize({**course.at(0), **before}, float(course.times[0]))
         prepare = lambda k: instance.set({**course.at(k), **later})  # noqa: E731
         for _ in walk(instance, course.times[:-1], course.step, prepare):
             pass
-        found = [] if instance.terminated else instance.get(names)
+        output_values = [] if instance.terminated else instance.get(names)
     except CallError as error:
         if error.status == FATAL:
             return None
     instance.free()
-    values = zip(names, map(float, found), strict=False)
-    return [(name, number) for name, number in values if not math.isfinite(number)][:1]
+    pairs = zip(names, map(float, output_values), strict=False)
+    return [(name, number) for name, number in pairs if not math.isfinite(number)][:1]
 
 
 _IGNORED = fmi3(
@@ -245,24 +253,24 @@ def arguments(subject: Subject) -> CheckOutcome:
     The standard requires an error only where an FMU detects them, so what is accepted only warns.
     """
     try:
-        in_fresh_process(_free_nothing, subject)
+        in_fresh_process(_free_null, subject)
     except EndedError as error:
         return failed(str(error), clause=_IGNORED)
     accepted, count = [], 0
-    for wrong in _wrong_calls(subject):
+    for wrong in _list_wrong_calls(subject):
         count += 1
         try:
-            said = in_fresh_process(_accepted, subject, wrong)
+            message = in_fresh_process(_describe_accepted_call, subject, wrong)
         except EndedError as error:
             return warned(str(error))
-        accepted += [said] if said else []
+        accepted += [message] if message else []
     if accepted:
         first = f"{len(accepted)} of {count} calls with wrong arguments returned fmi3OK: {accepted[0]}"
         return warned(first, details=tuple(accepted))
     return passed(f"The FMU refused {count} calls with wrong arguments.")
 
 
-def _free_nothing(subject: Subject) -> None:
+def _free_null(subject: Subject) -> None:
     instance = HostedInstance(subject)
     instance.circumstance = " of a NULL pointer"
     instance.fmu.fmi3FreeInstance(None)
@@ -281,14 +289,14 @@ class _WrongCall(NamedTuple):
     what: str
 
 
-def _wrong_calls(subject: Subject) -> Iterator[_WrongCall]:
+def _list_wrong_calls(subject: Subject) -> Iterator[_WrongCall]:
     """Yield calls that the declarations of the variables do not allow."""
     declared = subject.declared.variables
     unknown = max(v.reference for v in declared) + 1
     for function in ("fmi3GetFloat64", "fmi3SetFloat64"):
         yield _WrongCall(function, unknown, 1, 1, f"value reference {unknown}, which no variable has")
-    others = [v for v in declared if v.type in ("Int32", "Int64", "Boolean") and not v.dimensions]
-    for variable in others[:1]:
+    wrong_types = [v for v in declared if v.type in ("Int32", "Int64", "Boolean") and not v.dimensions]
+    for variable in wrong_types[:1]:
         what = f"{variable}, which is of type {variable.type}"
         yield _WrongCall("fmi3GetFloat64", variable.reference, 1, 1, what)
     doubles = [v for v in subject.of_causality("output", "local") if getattr(v, "data_type", "") == "Float64"]
@@ -299,13 +307,13 @@ def _wrong_calls(subject: Subject) -> Iterator[_WrongCall]:
             yield _WrongCall("fmi3GetFloat64", int(v.valueReference), count, size, what)
 
 
-def _accepted(subject: Subject, wrong: _WrongCall) -> str:
+def _describe_accepted_call(subject: Subject, wrong: _WrongCall) -> str:
     """Return what was accepted, as a sentence; empty if the FMU refuses the call."""
     instance = HostedInstance(subject)
     if wrong.function.startswith("fmi3Set"):
-        instance.begin_initialization(span(subject)[0])
+        instance.begin_initialization(read_span(subject)[0])
     else:
-        instance.initialize(None, span(subject)[0])
+        instance.initialize(None, read_span(subject)[0])
     instance.circumstance = f" with {wrong.what}"
     reference, values = (c_uint * 1)(wrong.reference), (c_double * (wrong.size + 1))()
     status = instance.status(wrong.function, reference, 1, values, wrong.values)

@@ -51,9 +51,9 @@ _PREVIOUS = fmi3(
 )
 _DISCRETE = fmi3("2.4.7.4", "Only variables with variability = discrete may have the previous attribute.")
 _NO_CLOCK = fmi3("2.4.7.4", "Variables of type Clock must not have the previous attribute.")
-_ONCE = fmi3("2.4.7.4", "Two variables must not have the same previous attribute reference.")
+_SINGLE_PREVIOUS = fmi3("2.4.7.4", "Two variables must not have the same previous attribute reference.")
 _ITSELF = fmi3("2.4.7.4", "A variable must not refer to itself in the previous attribute.")
-_ALIKE = fmi3(
+_SAME_TYPE = fmi3(
     "2.4.7.4",
     "The variable referenced by the previous attribute must have the same numeric type, variability = "
     "discrete, and must not have causality = input.",
@@ -71,29 +71,33 @@ _ALIKE = fmi3(
 def clocks(subject: Subject) -> CheckOutcome:
     """Check the attributes of Clocks, and what clocked variables and previous values refer to."""
     declared = subject.declared
-    found = [v for v in declared.variables if v.type == "Clock"]
+    clock_variables = [v for v in declared.variables if v.type == "Clock"]
     clocked = [v for v in declared.variables if v.clocks is not None or v.previous is not None]
-    if not found and not clocked:
+    if not clock_variables and not clocked:
         return skipped("It has no Clocks.")
-    problems = [p for v in found for p in _wrong_clock(v)]
-    problems += [p for v in clocked for p in (*_wrong_clocks(v, declared), *_wrong_previous(v, declared))]
+    problems = [p for v in clock_variables for p in _judge_clock(v)]
+    problems += [
+        p for v in clocked for p in (*_judge_clocks_of_variable(v, declared), *_judge_previous(v, declared))
+    ]
     for index in find_repeated(v.previous for v in clocked if v.previous is not None):
-        named = declared.variable(index) or index
-        problems.append(Breach(f"More than one variable has the previous value {named}.", _ONCE))
+        previous = declared.variable(index) or index
+        problems.append(
+            Breach(f"More than one variable has the previous value {previous}.", _SINGLE_PREVIOUS)
+        )
     return judge_problems(
-        problems, f"{len(found)} Clocks and {len(clocked)} clocked variables are compatible."
+        problems, f"{len(clock_variables)} Clocks and {len(clocked)} clocked variables are compatible."
     )
 
 
-def _wrong_clock(clock: DeclaredVariable) -> Iterator[Problem]:
-    given, kind = clock.attributes, clock.attributes.get("intervalVariability", "")
+def _judge_clock(clock: DeclaredVariable) -> Iterator[Problem]:
+    attributes, kind = clock.attributes, clock.attributes.get("intervalVariability", "")
     if clock.causality not in ("input", "output", "local"):
         yield Breach(f"The Clock {clock} has the causality {clock.causality}.", _CAUSALITY)
     if clock.variability != "discrete":
         yield Breach(f"The Clock {clock} is {clock.variability}.", _VARIABILITY)
     if clock.causality == "output" and kind != "triggered":
         yield Breach(f"The output Clock {clock} has the intervalVariability {kind}.", _TRIGGERED)
-    interval, shift = given.get("intervalDecimal"), given.get("shiftDecimal")
+    interval, shift = attributes.get("intervalDecimal"), attributes.get("shiftDecimal")
     if interval is None and kind == "constant":
         # 2.2.8.2 says what fixed and tunable Clocks without it mean
         yield Breach(f"The Clock {clock} is constant, but has no intervalDecimal.", _REQUIRED)
@@ -101,33 +105,36 @@ def _wrong_clock(clock: DeclaredVariable) -> Iterator[Problem]:
         yield Breach(f"The Clock {clock} is {kind}, but has an intervalDecimal.", _NOT_USED)
     if interval is not None and not 0.0 < float(interval) < math.inf:
         yield Breach(f"The Clock {clock} has the intervalDecimal {interval}.", _INTERVAL)
-    yield from _wrong_fractions(clock, kind)
+    yield from _judge_fractions(clock, kind)
     if shift is not None and interval is None:
         yield Breach(f"The Clock {clock} has a shiftDecimal, but no intervalDecimal.", _SHIFT)
     if shift is not None and not float(shift) >= 0.0:
         yield Breach(f"The Clock {clock} has the shiftDecimal {shift}.", _SHIFT_VALUE)
 
 
-def _wrong_fractions(clock: DeclaredVariable, kind: str) -> Iterator[Problem]:
+def _judge_fractions(clock: DeclaredVariable, kind: str) -> Iterator[Problem]:
     """Yield what is wrong with the interval and the shift as fractions."""
-    given = clock.attributes
-    resolution = given.get("resolution")
-    for attribute, of in (("intervalCounter", "intervalDecimal"), ("shiftCounter", "shiftDecimal")):
-        counter, decimal = given.get(attribute), given.get(of)
+    attributes = clock.attributes
+    resolution = attributes.get("resolution")
+    for attribute, decimal_attribute in (
+        ("intervalCounter", "intervalDecimal"),
+        ("shiftCounter", "shiftDecimal"),
+    ):
+        counter, decimal = attributes.get(attribute), attributes.get(decimal_attribute)
         if counter is None:
             continue
-        if given.get("supportsFraction") not in ("true", "1") or kind not in _PERIODIC:
+        if attributes.get("supportsFraction") not in ("true", "1") or kind not in _PERIODIC:
             yield Breach(f"The Clock {clock} has {attribute}, but is {kind}, or no fraction.", _FRACTION)
         elif resolution is None:
             yield Breach(f"The Clock {clock} has {attribute}, but no resolution.", _RESOLUTION)
         elif decimal is not None and int(resolution) > 0:
             fraction = int(counter) / int(resolution)
             if not math.isclose(fraction, float(decimal), rel_tol=1e-6, abs_tol=1e-12):
-                what = f"The Clock {clock} has {attribute} / resolution = {counter}/{resolution} s"
-                yield Breach(f"{what}, but {of} = {decimal} s.", _EQUAL)
+                message = f"The Clock {clock} has {attribute} / resolution = {counter}/{resolution} s"
+                yield Breach(f"{message}, but {decimal_attribute} = {decimal} s.", _EQUAL)
 
 
-def _wrong_clocks(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
+def _judge_clocks_of_variable(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
     if variable.clocks is None:
         return
     if not variable.clocks:
@@ -141,7 +148,7 @@ def _wrong_clocks(variable: DeclaredVariable, declared: Declarations) -> Iterato
         yield Breach(f"{variable} belongs to a Clock, but is {variable.variability}.", _CLOCKED)
 
 
-def _wrong_previous(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
+def _judge_previous(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
     if variable.previous is None:
         return
     if variable.type == "Clock":
@@ -150,17 +157,19 @@ def _wrong_previous(variable: DeclaredVariable, declared: Declarations) -> Itera
         yield Breach(f"{variable} has a previous value, but no Clock.", _PREVIOUS)
     elif variable.variability != "discrete":
         yield Breach(f"{variable} has a previous value, but is {variable.variability}.", _DISCRETE)
-    of = declared.variable(variable.previous)
-    if of is None:
+    previous = declared.variable(variable.previous)
+    if previous is None:
         yield Breach(
-            f"The previous value of {variable} is {declared.describe_missing(variable.previous)}.", _ALIKE
+            f"The previous value of {variable} is {declared.describe_missing(variable.previous)}.", _SAME_TYPE
         )
-    elif of.index == variable.index:
+    elif previous.index == variable.index:
         yield Breach(f"{variable} is its own previous value.", _ITSELF)
-    elif of.type != variable.type or of.variability != "discrete" or of.causality == "input":
-        other = f"a {of.variability} {of.causality} of type {of.type}"
-        what = f"{of} is the previous value of {variable}, but {other}."
-        yield Breach(what, _ALIKE)
+    elif (
+        previous.type != variable.type or previous.variability != "discrete" or previous.causality == "input"
+    ):
+        description = f"a {previous.variability} {previous.causality} of type {previous.type}"
+        message = f"{previous} is the previous value of {variable}, but {description}."
+        yield Breach(message, _SAME_TYPE)
 
 
 _CHOICE = fmi3(
@@ -174,7 +183,7 @@ _SIZE = fmi3(
     "fmiModelDescription) must be positive integers (i.e. not zero), so that no dimension is initially "
     "vanished.",
 )
-_NAMED = fmi3(
+_SIZE_VARIABLE = fmi3(
     "2.4.7.2",
     "The referenced variable must be a variable of type <UInt64>, and must either be a constant (i.e. with "
     "variability = constant) or a structural parameter (i.e. with causality = structuralParameter).",
@@ -190,7 +199,7 @@ _STARTS = fmi3(
 @check(
     "variables.dimensions",
     "Arrays have sizes, and as many start values",
-    _NAMED,
+    _SIZE_VARIABLE,
     "A Dimension has a positive size, or the value reference of a structural parameter of type UInt64.",
     needs=("description.schema",),
     only_for=3,
@@ -201,31 +210,31 @@ def dimensions(subject: Subject) -> CheckOutcome:
     arrays = [v for v in declared.variables if v.dimensions]
     if not arrays:
         return skipped("It has no arrays.")
-    problems = [p for v in arrays for p in _wrong_dimensions(v, declared)]
+    problems = [p for v in arrays for p in _judge_dimensions(v, declared)]
     return judge_problems(problems, f"{len(arrays)} arrays have sizes, and as many start values.")
 
 
-def _wrong_dimensions(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
+def _judge_dimensions(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
     if variable.causality == "structuralParameter":
         yield Breach(f"The structural parameter {variable} is an array.", _SCALAR)
     for dimension in variable.dimensions:
         if (dimension.size is None) == (dimension.index is None):
-            has = "neither" if dimension.size is None else "both"
-            yield Breach(f"A Dimension of {variable} has {has} of start and valueReference.", _CHOICE)
+            problem = "neither" if dimension.size is None else "both"
+            yield Breach(f"A Dimension of {variable} has {problem} of start and valueReference.", _CHOICE)
         elif dimension.index is not None:
-            named = declared.variable(dimension.index)
-            if named is None:
-                what = f"A Dimension of {variable} is {declared.describe_missing(dimension.index)}."
-                yield Breach(what, _NAMED)
-            elif named.type != "UInt64" or not (
-                named.variability == "constant" or named.causality == "structuralParameter"
+            size_variable = declared.variable(dimension.index)
+            if size_variable is None:
+                message = f"A Dimension of {variable} is {declared.describe_missing(dimension.index)}."
+                yield Breach(message, _SIZE_VARIABLE)
+            elif size_variable.type != "UInt64" or not (
+                size_variable.variability == "constant" or size_variable.causality == "structuralParameter"
             ):
-                what = f"{named}, a {named.variability} {named.causality} of type {named.type}"
-                yield Breach(f"A Dimension of {variable} is {what}.", _NAMED)
-    found = list(declared.sizes(variable))
-    if 0 in found:
+                kind = f"a {size_variable.variability} {size_variable.causality} of type {size_variable.type}"
+                yield Breach(f"A Dimension of {variable} is {size_variable}, {kind}.", _SIZE_VARIABLE)
+    sizes = list(declared.sizes(variable))
+    if 0 in sizes:
         yield Breach(f"A Dimension of {variable} has the size 0.", _SIZE)
-    elif None not in found:
-        count = math.prod(size or 0 for size in found)
+    elif None not in sizes:
+        count = math.prod(size or 0 for size in sizes)
         if variable.starts not in (0, 1, count):
             yield Breach(f"{variable} has {count} elements, but {variable.starts} start values.", _STARTS)

@@ -27,13 +27,13 @@ _POINTS = 5
 _STEPS = (1e-3, 1e-4)
 """Step sizes of two differences, relative to the scale of the known."""
 
-_AGREE = 1e-3
+_MAX_ERROR = 1e-3
 """Allowed relative error of a derivative; that of the differences is smaller."""
 
-_SEVERAL = 2
+_MIN_WRONG_POINTS = 2
 """Points with a wrong derivative that are no accident."""
 
-_LOST = 1e-13
+_ROUNDING = 1e-13
 """Relative change of an unknown that is lost in rounding."""
 
 _ALL = "all knowns together"
@@ -48,18 +48,18 @@ class _Slope(NamedTuple):
     unknown: str
     direction: str
     where: str
-    given: float
+    returned_value: float
     difference: float
-    right: bool
+    is_correct: bool
 
 
 class _Difference(NamedTuple):
     """Slopes of all unknowns: central, forward, backward, and the rounding error."""
 
     central: Vector
-    ahead: Vector
-    behind: Vector
-    lost: Vector
+    forward_slope: Vector
+    backward_slope: Vector
+    rounding_error: Vector
 
 
 @check(
@@ -82,41 +82,45 @@ def directional(subject: Subject) -> CheckOutcome:
     claimed = [k for k in subject.kinds if subject.has_capability("providesDirectionalDerivative", k)]
     if not claimed:
         return skipped("providesDirectionalDerivative is not set.")
-    found, gaps = list[list[_Slope]](), list[str]()
+    slopes_by_mode, gaps = list[list[_Slope]](), list[str]()
     try:
         if "CoSimulation" in claimed:
-            found.append(in_separate_process(_slopes_at, subject, in_initialization))
+            slopes_by_mode.append(in_separate_process(_compare_at_points, subject, in_initialization))
     except CallError as error:  # the schema requires them at communication points only
         if not error.call.startswith(_FUNCTION):
             raise
         return noted(f"In initialization mode {error}")
     if "CoSimulation" in claimed:
         if list_settable_states(subject):
-            found.append(_apart(subject, in_initialization_with_states, gaps))
+            slopes_by_mode.append(_compare_in_fresh_process(subject, in_initialization_with_states, gaps))
         if not subject.has_clocks:
-            slopes = _apart(subject, in_step_mode, gaps)
-            found.append([s for s in slopes if s.difference])  # an FMU may hold outputs until the next step
+            slopes = _compare_in_fresh_process(subject, in_step_mode, gaps)
+            slopes_by_mode.append(
+                [s for s in slopes if s.difference]
+            )  # an FMU may hold outputs until the next step
     if "ModelExchange" in claimed and "ModelExchange" in subject.run_kinds:
-        found.append(_apart(subject, in_event_mode))
+        slopes_by_mode.append(_compare_in_fresh_process(subject, in_event_mode))
         if list_states(subject):
-            found.append(_apart(subject, in_continuous_time_mode, gaps))
+            slopes_by_mode.append(_compare_in_fresh_process(subject, in_continuous_time_mode, gaps))
     if len(list_states(subject)) > MOST_STATES:
         gaps.append(f"Only derivatives by {MOST_STATES} of {len(list_states(subject))} states were compared.")
-    if not any(found):
+    if not any(slopes_by_mode):
         return skipped("No directional derivative of a Real output by a Real input can be requested.")
-    return _judged(found, (*gaps, *list_unexamined_pairs(subject)))
+    return _judge_slopes(slopes_by_mode, (*gaps, *list_unexamined_pairs(subject)))
 
 
 Points = Callable[[Subject, int], Iterable[Point]]
 
 
-def _apart(subject: Subject, points: Points, gaps: list[str] | None = None) -> list[_Slope]:
+def _compare_in_fresh_process(
+    subject: Subject, points: Points, gaps: list[str] | None = None
+) -> list[_Slope]:
     """Return the slopes at points of another process. If another call fails, return none.
 
     Another check reports that. `gaps` gets derivatives that are refused, where the FMU need not have them.
     """
     try:
-        return in_fresh_process(_slopes_at, subject, points)
+        return in_fresh_process(_compare_at_points, subject, points)
     except (CallError, EndedError) as error:
         if not error.call.startswith((_FUNCTION, _FUNCTION.replace("2", "3"))):
             return []
@@ -126,31 +130,31 @@ def _apart(subject: Subject, points: Points, gaps: list[str] | None = None) -> l
         return []
 
 
-def _slopes_at(subject: Subject, points: Points) -> list[_Slope]:
-    return [slope for point in points(subject, _POINTS) for slope in _at(point)]
+def _compare_at_points(subject: Subject, points: Points) -> list[_Slope]:
+    return [slope for point in points(subject, _POINTS) for slope in _compare_at_point(point)]
 
 
-def _at(point: Point) -> Iterator[_Slope]:
+def _compare_at_point(point: Point) -> Iterator[_Slope]:
     if not point.unknowns:
         return
     random, variables = np.random.default_rng(1), point.instance.subject.variables
     knowns = [name for name in point.knowns if variables[name].variability in (None, "continuous")]
     for known in knowns:
-        yield from _along(point, {known: 1.0}, known)
+        yield from _compare_along(point, {known: 1.0}, known)
     if len(knowns) > 1:
-        yield from _of_sum(point, knowns)
+        yield from _compare_sum(point, knowns)
         for k in range(2):
             seed = dict(zip(knowns, random.uniform(-1.0, 1.0, len(knowns)), strict=True))
             scaled = {name: by * point.scale(name) for name, by in seed.items()}
-            yield from _along(point, scaled, f"direction {k + 1}")
+            yield from _compare_along(point, scaled, f"direction {k + 1}")
 
 
-def _of_sum(point: Point, knowns: Sequence[str]) -> Iterator[_Slope]:
+def _compare_sum(point: Point, knowns: Sequence[str]) -> Iterator[_Slope]:
     """Yield derivatives along all knowns together, and the sums of those along each."""
-    alone = np.array([point.directional([name], [1.0]) for name in knowns])
+    single_derivatives = np.array([point.directional([name], [1.0]) for name in knowns])
     seed = [(-1.0) ** k / (1 + k) for k in range(len(knowns))]
-    terms = alone * np.array(seed)[:, None]
-    for unknown, given, sum_, size in zip(
+    terms = single_derivatives * np.array(seed)[:, None]
+    for unknown, returned_value, sum_, size in zip(
         point.unknowns,
         point.directional(knowns, seed),
         terms.sum(axis=0),
@@ -158,69 +162,74 @@ def _of_sum(point: Point, knowns: Sequence[str]) -> Iterator[_Slope]:
         strict=True,
     ):
         if np.isfinite(size):
-            is_right = abs(given - sum_) <= _AGREE * size
-            yield _Slope(unknown, _ALL, point.where, float(given), float(sum_), bool(is_right))
+            is_right = abs(returned_value - sum_) <= _MAX_ERROR * size
+            yield _Slope(unknown, _ALL, point.where, float(returned_value), float(sum_), bool(is_right))
 
 
-def _along(point: Point, seed: dict[str, float], direction: str) -> Iterator[_Slope]:
+def _compare_along(point: Point, seed: dict[str, float], direction: str) -> Iterator[_Slope]:
     """Yield slopes along a direction, of the unknowns that may depend on all of its knowns."""
-    given = point.directional(list(seed), list(seed.values()))
+    returned_value = point.directional(list(seed), list(seed.values()))
     size = min(point.scale(name) / abs(by) for name, by in seed.items() if by)
     try:
         narrow, doubt = _differentiate(point, seed, size)
     except CallError:  # outside of the values that the FMU accepts
         return
-    kinked = np.abs(narrow.ahead - narrow.behind) > _KINK * np.abs(narrow.central) + doubt
+    kinked = np.abs(narrow.forward_slope - narrow.backward_slope) > _KINK * np.abs(narrow.central) + doubt
     for i, dependency in enumerate(point.dependencies):
         may_depend = all(not dependency.excludes(name) for name in seed)
         if may_depend and np.isfinite(doubt[i]) and not kinked[i]:
-            wanted, got = float(narrow.central[i]), float(given[i])
-            right = abs(got - wanted) <= _AGREE * max(abs(got), abs(wanted)) + doubt[i]
-            yield _Slope(dependency.unknown, direction, point.where, got, wanted, bool(right))
+            expected, actual = float(narrow.central[i]), float(returned_value[i])
+            is_correct = abs(actual - expected) <= _MAX_ERROR * max(abs(actual), abs(expected)) + doubt[i]
+            yield _Slope(dependency.unknown, direction, point.where, actual, expected, bool(is_correct))
 
 
 def _differentiate(point: Point, seed: dict[str, float], size: float) -> tuple[_Difference, Vector]:
     """Return a difference, and its uncertainty: noise or curvature makes those of two sizes disagree."""
-    wide, narrow = (_difference(point, seed, part * size) for part in _STEPS)
-    return narrow, 2.0 * np.abs(wide.central - narrow.central) + narrow.lost
+    wide, narrow = (_compute_difference(point, seed, part * size) for part in _STEPS)
+    return narrow, 2.0 * np.abs(wide.central - narrow.central) + narrow.rounding_error
 
 
-def _difference(point: Point, seed: dict[str, float], size: float) -> _Difference:
-    there, back, here = (
+def _compute_difference(point: Point, seed: dict[str, float], size: float) -> _Difference:
+    value_ahead, value_behind, center = (
         point.evaluate_shifted({name: by * way for name, by in seed.items()}) for way in (size, -size, 0.0)
     )
-    ahead, behind = (there - here) / size, (here - back) / size
-    return _Difference(0.5 * (ahead + behind), ahead, behind, _LOST * np.abs(here) / size)
+    forward_slope, backward_slope = (value_ahead - center) / size, (center - value_behind) / size
+    return _Difference(
+        0.5 * (forward_slope + backward_slope),
+        forward_slope,
+        backward_slope,
+        _ROUNDING * np.abs(center) / size,
+    )
 
 
-def _judged(found: Sequence[Sequence[_Slope]], gaps: tuple[str, ...]) -> CheckOutcome:
+def _judge_slopes(slopes_by_mode: Sequence[Sequence[_Slope]], gaps: tuple[str, ...]) -> CheckOutcome:
     """Fail if a derivative is wrong at most of the points of a mode, or at several: one may be a kink."""
     pairs: dict[tuple[int, str, str], list[_Slope]] = {}
-    for mode, slopes in enumerate(found):
+    for mode, slopes in enumerate(slopes_by_mode):
         for slope in slopes:
             pairs.setdefault((mode, slope.unknown, slope.direction), []).append(slope)
     wrong = list[_Slope]()
     for slopes in pairs.values():
-        at = [s for s in slopes if not s.right]
-        if 2 * len(at) > len(slopes) or len(at) >= _SEVERAL:
-            wrong.append(at[0])
+        wrong_slopes = [s for s in slopes if not s.is_correct]
+        if 2 * len(wrong_slopes) > len(slopes) or len(wrong_slopes) >= _MIN_WRONG_POINTS:
+            wrong.append(wrong_slopes[0])
     if wrong:
-        lines = tuple(_line(s) for s in wrong)
-        said = f"{len(wrong)} of {len(pairs)} directional derivatives are wrong: {lines[0]}"
-        return failed(said, details=lines, gaps=gaps)
-    said = f"{len(pairs)} directional derivatives agree with differences at {_POINTS} points."
-    return passed(said, gaps=gaps)
+        lines = tuple(_describe_slope(s) for s in wrong)
+        message = f"{len(wrong)} of {len(pairs)} directional derivatives are wrong: {lines[0]}"
+        return failed(message, details=lines, gaps=gaps)
+    message = f"{len(pairs)} directional derivatives agree with differences at {_POINTS} points."
+    return passed(message, gaps=gaps)
 
 
-def _line(slope: _Slope) -> str:
-    wanted = "the sum of those along each" if slope.direction == _ALL else "the finite difference"
+def _describe_slope(slope: _Slope) -> str:
+    reference = "the sum of those along each" if slope.direction == _ALL else "the finite difference"
     return (
-        f"that of {slope.unknown} along {slope.direction} {slope.where} is {slope.given:.6g}, "
-        f"{wanted} is {slope.difference:.6g}."
+        f"that of {slope.unknown} along {slope.direction} {slope.where} is {slope.returned_value:.6g}, "
+        f"{reference} is {slope.difference:.6g}."
     )
 
 
-_EXACT = 1e-9
+_MAX_ADJOINT_ERROR = 1e-9
 """Allowed difference of both products, relative to the sum of their terms."""
 
 
@@ -239,9 +248,9 @@ def adjoint(subject: Subject) -> CheckOutcome:
     if not subject.has_flag("providesAdjointDerivatives", kind):
         return skipped("providesAdjointDerivatives is not set.")
     directional = subject.has_flag("providesDirectionalDerivatives", kind)
-    (first, *others), gaps = _adjoint_modes(subject, kind, directional), list[str]()
+    (first, *further_modes), gaps = _adjoint_modes(subject, kind, directional), list[str]()
     wrong, count = in_separate_process(_compare_adjoint, subject, first, directional)
-    for points in others:
+    for points in further_modes:
         try:
             more, number = in_separate_process(_compare_adjoint, subject, points, directional)
         except CallError as error:  # the standard requires fewer knowns
@@ -249,12 +258,14 @@ def adjoint(subject: Subject) -> CheckOutcome:
             continue
         wrong, count = [*wrong, *more], count + number
     if wrong:
-        said = f"{len(wrong)} of {count} adjoint derivatives are wrong: {wrong[0]}"
-        return failed(said, details=tuple(wrong), gaps=tuple(gaps))
+        message = f"{len(wrong)} of {count} adjoint derivatives are wrong: {wrong[0]}"
+        return failed(message, details=tuple(wrong), gaps=tuple(gaps))
     if not count:
         return skipped("No derivative of a Real output by a Real input can be requested.")
-    said = f"{count} adjoint derivatives agree with {'directional ones' if directional else 'differences'}."
-    return passed(said, gaps=tuple(gaps))
+    message = (
+        f"{count} adjoint derivatives agree with {'directional ones' if directional else 'differences'}."
+    )
+    return passed(message, gaps=tuple(gaps))
 
 
 def _adjoint_modes(subject: Subject, kind: str, directional: bool) -> list[Points]:
@@ -271,25 +282,25 @@ def _compare_adjoint(subject: Subject, points: Points, directional: bool) -> tup
     for point in points(subject, _POINTS):
         if not point.unknowns or not point.knowns:
             continue
-        matrix, doubt = _matrix(point, directional)
+        matrix, doubt = _compute_matrix(point, directional)
         for i, unknown in enumerate(point.unknowns):
             seed = [float(k == i) for k in range(len(point.unknowns))]
-            found = np.array(point.instance.adjoint(point.unknowns, point.knowns, seed))
-            count += len(found)
-            allowed = _EXACT if directional else _AGREE
-            limit = allowed * np.maximum(np.abs(found), np.abs(matrix[i])) + doubt[i]
-            for k in np.flatnonzero(~(np.abs(found - matrix[i]) <= limit) & np.isfinite(matrix[i])):
+            derivatives = np.array(point.instance.adjoint(point.unknowns, point.knowns, seed))
+            count += len(derivatives)
+            allowed = _MAX_ADJOINT_ERROR if directional else _MAX_ERROR
+            limit = allowed * np.maximum(np.abs(derivatives), np.abs(matrix[i])) + doubt[i]
+            for k in np.flatnonzero(~(np.abs(derivatives - matrix[i]) <= limit) & np.isfinite(matrix[i])):
                 wrong.append(
-                    f"that of {unknown} by {point.knowns[k]} {point.where} is {found[k]:.6g}, not "
+                    f"that of {unknown} by {point.knowns[k]} {point.where} is {derivatives[k]:.6g}, not "
                     f"{matrix[i][k]:.6g}."
                 )
     return wrong, count
 
 
-def _matrix(point: Point, directional: bool) -> tuple[Vector, Vector]:
+def _compute_matrix(point: Point, directional: bool) -> tuple[Vector, Vector]:
     """Return derivatives of the unknowns (rows) by the knowns (columns), and the uncertainty of each."""
     if directional:
-        found = np.array([point.directional([known], [1.0]) for known in point.knowns]).T
-        return found, np.zeros_like(found)
-    found = [_differentiate(point, {known: 1.0}, point.scale(known)) for known in point.knowns]
-    return np.array([d.central for d, _ in found]).T, np.array([doubt for _, doubt in found]).T
+        derivatives = np.array([point.directional([known], [1.0]) for known in point.knowns]).T
+        return derivatives, np.zeros_like(derivatives)
+    derivatives = [_differentiate(point, {known: 1.0}, point.scale(known)) for known in point.knowns]
+    return np.array([d.central for d, _ in derivatives]).T, np.array([doubt for _, doubt in derivatives]).T

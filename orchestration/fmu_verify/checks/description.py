@@ -120,13 +120,13 @@ _NO_PATCH = fmi3(
 
 def find_schema_problems(root: Any, name: str) -> list[str]:
     """Return where a document violates a schema of FMI, such as `fmi3TerminalsAndIcons.xsd`."""
-    found = _schema(name)
-    found.validate(root)
-    return [f"Line {e.line}: {e.message.strip().rstrip('.')}." for e in found.error_log]
+    schema_ = _read_schema(name)
+    schema_.validate(root)
+    return [f"Line {e.line}: {e.message.strip().rstrip('.')}." for e in schema_.error_log]
 
 
 @cache
-def _schema(name: str) -> Any:
+def _read_schema(name: str) -> Any:
     with as_file(files("fmpy") / "schema" / name[:4]) as folder:
         return etree.XMLSchema(file=str(folder / name))
 
@@ -140,11 +140,11 @@ def _schema(name: str) -> Any:
 )
 def encoding(subject: Subject) -> CheckOutcome:
     """Check that the encoding is UTF-8 and declared in the first line."""
-    said = subject.tree.getroottree().docinfo.encoding or "UTF-8"
-    start = (subject.folder / DESCRIPTION).read_bytes()[:200]
-    if said.upper() not in ("UTF-8", "UTF8"):
-        return failed(shorten_sentence(f"The encoding is {said}; it must be UTF-8."))
-    if b"encoding" not in start.partition(b"?>")[0]:
+    declared_encoding = subject.tree.getroottree().docinfo.encoding or "UTF-8"
+    first_bytes = (subject.folder / DESCRIPTION).read_bytes()[:200]
+    if declared_encoding.upper() not in ("UTF-8", "UTF8"):
+        return failed(shorten_sentence(f"The encoding is {declared_encoding}; it must be UTF-8."))
+    if b"encoding" not in first_bytes.partition(b"?>")[0]:
         return judge_problems((), "", ["The first line does not declare the encoding."])
     return passed("The encoding is UTF-8.")
 
@@ -170,18 +170,18 @@ def capabilities(subject: Subject) -> CheckOutcome:
         and not subject.has_flag(f"canGetAndSetFMU{state}", kind)
     ]
     if subject.version == 3 and "CoSimulation" in subject.kinds:
-        problems += _inconsistent(subject)
-    misspelled, doubts = _undefined(subject) if subject.version == 3 else ([], [])
+        problems += _find_inconsistent_flags(subject)
+    misspelled, doubts = _find_undefined_flags(subject) if subject.version == 3 else ([], [])
     problems = [*misspelled, *problems]  # a misspelled flag is the reason of others
     return judge_problems(problems, "The capability flags are consistent.", doubts)
 
 
-_NAMED = fmi3(
+_NO_OTHER_FLAGS = fmi3(
     "2.4.2",
     "Exporters must not generate capability flags without an XML namespace, unless specified by this "
     "standard or any later release of this standard.",
 )
-_EARLY = fmi3(
+_EARLY_RETURN = fmi3(
     "4.4",
     "canReturnEarlyAfterIntermediateUpdate may only be true, if providesIntermediateUpdate is true.",
 )
@@ -192,29 +192,29 @@ _FIXED_STEP = fmi3(
 _EVENT_MODE = fmi3("4.4", "If the FMU has clocks, then hasEventMode must be true.")
 
 
-def _undefined(subject: Subject) -> tuple[list[Problem], list[Problem]]:
+def _find_undefined_flags(subject: Subject) -> tuple[list[Problem], list[Problem]]:
     """Return attributes that differ by case from one of FMI 3.0, and others that it does not have.
 
     The schema allows any attribute.
     """
     misspelled, unknown = list[Problem](), list[Problem]()
     for kind in subject.kinds:
-        names = _attributes_of(kind)
+        names = _list_attributes(kind)
         by_case = {name.casefold(): name for name in names}
         for name in subject.tree.find(kind).attrib:
             # terms also write names of FMI 2.0 as they are in FMI 3.0
-            if right := by_case.get(name.casefold(), by_case.get(say(name, 3).casefold())):
-                what = f"{kind} has the attribute {right}, but not with exactly this name."
-                misspelled += [Breach(what, _NAMED)] if name != right else []
+            if correct_name := by_case.get(name.casefold(), by_case.get(say(name, 3).casefold())):
+                message = f"{kind} has the attribute {correct_name}, but not with exactly this name."
+                misspelled += [Breach(message, _NO_OTHER_FLAGS)] if name != correct_name else []
             elif not name.startswith("{"):
                 unknown.append(
-                    Breach(f"{kind} has the attribute {name}, which FMI 3.0 does not have.", _NAMED)
+                    Breach(f"{kind} has the attribute {name}, which FMI 3.0 does not have.", _NO_OTHER_FLAGS)
                 )
     return misspelled, unknown
 
 
 @cache
-def _attributes_of(kind: str) -> tuple[str, ...]:
+def _list_attributes(kind: str) -> tuple[str, ...]:
     """Return the names of the attributes of an interface type of FMI 3.0."""
     with as_file(files("fmpy") / "schema" / "fmi3") as folder:
         root = etree.parse(str(folder / "fmi3InterfaceType.xsd"))
@@ -224,11 +224,11 @@ def _attributes_of(kind: str) -> tuple[str, ...]:
     return tuple(e.get("name") for t in types for e in t.iterfind(".//{*}attribute"))
 
 
-def _inconsistent(subject: Subject) -> Iterator[Problem]:
+def _find_inconsistent_flags(subject: Subject) -> Iterator[Problem]:
     """Yield contradictory flags of co-simulation in FMI 3.0."""
-    early, update = "canReturnEarlyAfterIntermediateUpdate", "providesIntermediateUpdate"
-    if subject.has_flag(early, "CoSimulation") and not subject.has_flag(update, "CoSimulation"):
-        yield Breach(f"CoSimulation declares {early}, but not {update}.", _EARLY)
+    early_return, update = "canReturnEarlyAfterIntermediateUpdate", "providesIntermediateUpdate"
+    if subject.has_flag(early_return, "CoSimulation") and not subject.has_flag(update, "CoSimulation"):
+        yield Breach(f"CoSimulation declares {early_return}, but not {update}.", _EARLY_RETURN)
     step = subject.tree.find("CoSimulation").get("fixedInternalStepSize")
     if step is not None and not float(step) > 0.0:
         yield Breach(f"The fixedInternalStepSize is {step} s; it must be positive.", _FIXED_STEP)
@@ -280,13 +280,13 @@ def categories(subject: Subject) -> CheckOutcome:
 )
 def identifier(subject: Subject) -> CheckOutcome:
     """Check that each modelIdentifier is a C identifier, and therefore no path either."""
-    given = {kind: subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
+    identifiers = {kind: subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
     problems = [
         f"The modelIdentifier '{name}' of {kind} is not a C identifier."
-        for kind, name in given.items()
+        for kind, name in identifiers.items()
         if not (name.isascii() and name.isidentifier())
     ]
-    names = " and ".join(sorted(set(given.values())))
+    names = " and ".join(sorted(set(identifiers.values())))
     return judge_problems(problems, shorten_sentence(f"The model identifier is {names}."))
 
 
@@ -307,20 +307,20 @@ def experiment(subject: Subject) -> CheckOutcome:
     element = subject.tree.find("DefaultExperiment")
     if element is None:
         return skipped("The FMU has no default experiment.")
-    given = {name: float(text) for name, text in element.attrib.items() if "}" not in name}
-    fine = ", ".join(f"{name} {value:g}" for name, value in given.items())
+    attributes = {name: float(text) for name, text in element.attrib.items() if "}" not in name}
+    fine = ", ".join(f"{name} {value:g}" for name, value in attributes.items())
     return judge_problems(
-        (), f"The default experiment has {fine or 'no attributes'}.", list(_doubtful_times(given))
+        (), f"The default experiment has {fine or 'no attributes'}.", list(_find_doubtful_times(attributes))
     )
 
 
-def _doubtful_times(given: Mapping[str, float]) -> Iterator[str]:
-    for name, value in given.items():
+def _find_doubtful_times(attributes: Mapping[str, float]) -> Iterator[str]:
+    for name, value in attributes.items():
         if not math.isfinite(value):
             yield f"{name} is {value}; it must be a finite number."
-    start, stop = given.get("startTime", 0.0), given.get("stopTime", math.inf)
+    start, stop = attributes.get("startTime", 0.0), attributes.get("stopTime", math.inf)
     if stop <= start:
         yield f"stopTime is {stop:g} s, which is not after startTime, {start:g} s."
     for name in ("stepSize", "tolerance"):
-        if given.get(name, 1.0) <= 0.0:
-            yield f"{name} is {given[name]:g}; it should be positive."
+        if attributes.get(name, 1.0) <= 0.0:
+            yield f"{name} is {attributes[name]:g}; it should be positive."

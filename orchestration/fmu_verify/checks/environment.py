@@ -29,7 +29,7 @@ _PASSED_ON = Clause(
         "efficient way to identify the calling FMU.",
     ),
 )
-_PATIENCE = 0.25
+_TIME_FRACTION = 0.25
 """Part of the time limit for each of the two runs."""
 
 
@@ -50,39 +50,41 @@ def environment(subject: Subject) -> CheckOutcome:
     What goes wrong in the same way with both is left to other checks.
     """
     if subject.kinds[0] == "ScheduledExecution" or subject.has_clocks:
-        said = "Whether it also runs with a pointer to an environment was not compared: it has Clocks."
-        return passed("Other checks run it with NULL.", gaps=(said,))
-    without, _ = _try(subject, is_null=True)
-    problem, strange = _try(subject, is_null=False)
-    if without and not problem:
-        return failed(f"It runs with a pointer to an environment, but not with NULL. {without}")
-    if problem and not without:
+        message = "Whether it also runs with a pointer to an environment was not compared: it has Clocks."
+        return passed("Other checks run it with NULL.", gaps=(message,))
+    problem_with_null, _ = _try(subject, is_null=True)
+    problem, wrong_messages = _try(subject, is_null=False)
+    if problem_with_null and not problem:
+        return failed(f"It runs with a pointer to an environment, but not with NULL. {problem_with_null}")
+    if problem and not problem_with_null:
         return failed(f"It runs with NULL, but not with a pointer to an environment. {problem}")
-    if without:
-        return passed("It does not run with NULL, nor with a pointer to an environment.", gaps=(without,))
-    if strange:
-        said = f"{strange} messages came with another pointer than that of their environment."
-        return warned(said, clause=_PASSED_ON.of(subject.version))
+    if problem_with_null:
+        return passed(
+            "It does not run with NULL, nor with a pointer to an environment.", gaps=(problem_with_null,)
+        )
+    if wrong_messages:
+        message = f"{wrong_messages} messages came with another pointer than that of their environment."
+        return warned(message, clause=_PASSED_ON.of(subject.version))
     return passed("It does the same with NULL and with a pointer to an environment.")
 
 
 def _try(subject: Subject, is_null: bool) -> tuple[str, int]:
     """Return how a run ended, empty if well, and how many messages came with another pointer."""
     try:
-        return "", in_fresh_process(_run, subject, is_null, timeout=_PATIENCE * subject.settings.seconds)
+        return "", in_fresh_process(_run, subject, is_null, timeout=_TIME_FRACTION * subject.settings.seconds)
     except (CallError, EndedError) as error:
         return str(error), 0
 
 
 def _run(subject: Subject, is_null: bool) -> int:
     """Run a step in this process, which nothing else uses; return the number of wrong messages."""
-    memory = ctypes.create_string_buffer(4096)
-    pointer = None if is_null else ctypes.addressof(memory)
-    strange = 0
+    environment_block = ctypes.create_string_buffer(4096)
+    pointer = None if is_null else ctypes.addressof(environment_block)
+    wrong_messages = 0
 
     def hear(environment: int | None, *_: Any) -> None:
-        nonlocal strange
-        strange += environment != pointer
+        nonlocal wrong_messages
+        wrong_messages += environment != pointer
 
     logger = fmi2.fmi2CallbackLoggerTYPE(hear)
     LOG.callbacks.componentEnvironment, LOG.callbacks.logger = pointer, logger
@@ -91,4 +93,4 @@ def _run(subject: Subject, is_null: bool) -> int:
     instance = HostedInstance(subject, logging=True)
     run_instance(instance, make_experiment(subject, 1))
     instance.close()
-    return strange
+    return wrong_messages

@@ -30,7 +30,7 @@ class _EventRun(NamedTuple):
     steps: int
     events: int
     returns: int
-    early: float | None
+    first_early_return: float | None
 
 
 @check(
@@ -49,33 +49,34 @@ def events(subject: Subject) -> CheckOutcome:
     """Check what steps say without event mode, and a run with early return and the declared event mode."""
     if subject.kinds[0] != "CoSimulation":
         return skipped("The FMU is not for Co-Simulation.")
-    if claim := in_fresh_process(_claim, subject):
-        return failed(claim, clause=_UNUSED)
+    if problem := in_fresh_process(_find_unexpected_event, subject):
+        return failed(problem, clause=_UNUSED)
     has_mode = subject.has_flag("hasEventMode", "CoSimulation")
     run: _EventRun = in_fresh_process(_run_with_events, subject, has_mode)
-    if run.early is not None and not subject.has_flag(RETURNS_EARLY, "CoSimulation"):
-        said = f"fmi3DoStep returned early at t = {run.early:.9g} s, but {RETURNS_EARLY} is not set."
-        return failed(said, clause=_ANNOUNCED)
+    if run.first_early_return is not None and not subject.has_flag(RETURNS_EARLY, "CoSimulation"):
+        at = f"t = {run.first_early_return:.9g} s"
+        message = f"fmi3DoStep returned early at {at}, but {RETURNS_EARLY} is not set."
+        return failed(message, clause=_ANNOUNCED)
     if not has_mode and run.events:
-        said = "fmi3DoStep asked for event mode, but hasEventMode is not set."
-        return failed(said, clause=_UNUSED)
-    with_what = "event mode and early return" if has_mode else "early return"
+        message = "fmi3DoStep asked for event mode, but hasEventMode is not set."
+        return failed(message, clause=_UNUSED)
+    allowed = "event mode and early return" if has_mode else "early return"
     return passed(
-        f"{run.steps} steps with {with_what} allowed: {run.events} events, {run.returns} early returns."
+        f"{run.steps} steps with {allowed} allowed: {run.events} events, {run.returns} early returns."
     )
 
 
-def _claim(subject: Subject) -> str:
+def _find_unexpected_event(subject: Subject) -> str:
     """Return what a step says that a host without event mode does not expect; empty if there is nothing."""
     instance = HostedInstance(subject)
     run_instance(instance, make_experiment(subject, _STEPS))
-    return instance.claim
+    return instance.unexpected_event
 
 
 def _run_with_events(subject: Subject, has_mode: bool) -> _EventRun:
-    instance = HostedInstance(subject, events=has_mode, early=True)
+    instance = HostedInstance(subject, events=has_mode, allows_early_return=True)
     run_instance(instance, make_experiment(subject, _STEPS))
     instance.close()
     events = instance.events
     assert events is not None
-    return _EventRun(events.steps, events.events, events.returns, events.early)
+    return _EventRun(events.steps, events.events, events.returns, events.first_early_return)

@@ -8,11 +8,11 @@ from ..check import check
 from ..host.experiment import MOST_STEPS, Experiment, make_experiment
 from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import HostedInstance
-from ..host.instance_runs import OutputTrajectory, outputs, run_alone
+from ..host.instance_runs import OutputTrajectory, list_outputs, run_alone
 from ..messages import join_few_names
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, Verdict, fmi3, noted, passed, skipped, warned
-from ._sameness import compare_runs, differing
+from ._sameness import compare_runs, describe_differences
 from ._steps import walk
 
 _MOST_CALLS, _FEWEST_STEPS = 50_000, 2
@@ -36,34 +36,37 @@ def order(subject: Subject) -> CheckOutcome:
     """Check that setting inputs and reading outputs one by one, in both orders, gives the same run."""
     steps = _MOST_CALLS // (len(subject.of_causality("input", "output")) or 1)
     course = make_experiment(subject, min(max(steps, _FEWEST_STEPS), MOST_STEPS))
-    wanted = run_alone(subject, course)
-    for what, backwards in (("one by one", False), ("one by one in reverse", True)):
-        found = in_fresh_process(_one_by_one, subject, course, backwards)
-        outcome = compare_runs(found, wanted, f"A run with values exchanged {what}")
+    expected = run_alone(subject, course)
+    for description, backwards in (("one by one", False), ("one by one in reverse", True)):
+        actual = in_fresh_process(_run_one_by_one, subject, course, backwards)
+        outcome = compare_runs(actual, expected, f"A run with values exchanged {description}")
         if outcome.verdict != Verdict.PASSED:
             return outcome
-    return passed(f"Exchanging values one by one, in both orders, gave the same {len(wanted.times)} rows.")
+    return passed(f"Exchanging values one by one, in both orders, gave the same {len(expected.times)} rows.")
 
 
-def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> OutputTrajectory:
-    instance, names = HostedInstance(subject), outputs(subject)
+def _run_one_by_one(subject: Subject, course: Experiment, backwards: bool) -> OutputTrajectory:
+    instance, names = HostedInstance(subject), list_outputs(subject)
 
     def order_of(all_names: Sequence[str]) -> list[str]:
         return list(all_names)[::-1] if backwards else list(all_names)
 
-    def give(k: int) -> None:
+    def set_inputs(k: int) -> None:
         values = course.at(k)
         for name in order_of(list(values)):
             instance.set({name: values[name]})
 
-    def take() -> list[float]:
+    def read_outputs() -> list[float]:
         first = {n: instance.get([n])[0] for n in order_of(names)}
-        again = {n: instance.get([n])[0] for n in order_of(names)} if backwards else first
-        return [again[n] for n in names]
+        values_read_last = {n: instance.get([n])[0] for n in order_of(names)} if backwards else first
+        return [values_read_last[n] for n in names]
 
-    give(0)
+    set_inputs(0)
     instance.initialize(None, float(course.times[0]))
-    rows = [take(), *(take() for _ in walk(instance, course.times[:-1], course.step, give))]
+    rows = [
+        read_outputs(),
+        *(read_outputs() for _ in walk(instance, course.times[:-1], course.step, set_inputs)),
+    ]
     values = np.array(rows, dtype=float).reshape(len(rows), len(names))
     return OutputTrajectory(course.times[: len(rows)], names, values)
 
@@ -92,25 +95,29 @@ def split(subject: Subject) -> CheckOutcome:
         return skipped("canHandleVariableCommunicationStepSize is not set.")
     course = make_experiment(subject)
     times = course.times[0] + 0.5 * course.step * np.arange(2 * len(course.times) - 1)
-    held = {name: np.repeat(v, 2)[:-1] for name, v in course.inputs.items()}  # for two half steps
-    whole, halves = run_alone(subject, course), run_alone(subject, Experiment(times, held))
-    rows = min(len(whole.times), (len(halves.times) + 1) // 2)  # the FMU may end the run early
-    every_other = OutputTrajectory(whole.times[:rows], whole.names, halves.values[: 2 * rows : 2])
-    far, most = differing(whole, every_other, rows)
-    if far and (same := _list_without_size(subject, course)):
+    held_inputs = {name: np.repeat(v, 2)[:-1] for name, v in course.inputs.items()}  # for two half steps
+    full_steps, half_steps = run_alone(subject, course), run_alone(subject, Experiment(times, held_inputs))
+    rows = min(len(full_steps.times), (len(half_steps.times) + 1) // 2)  # the FMU may end the run early
+    every_other = OutputTrajectory(
+        full_steps.times[:rows], full_steps.names, half_steps.values[: 2 * rows : 2]
+    )
+    different, most = describe_differences(full_steps, every_other, rows)
+    if different and (same := _list_without_size(subject, course)):
         names = join_few_names(same)
-        said = f"These are the same after {_FEW} half steps as after {_FEW} whole ones: {names}."
-        return warned(said, clause=_SIZE)
-    if far:
-        lines = tuple(f"{line} with half steps." for line in far)
+        count = _STEPS_WITHOUT_INPUTS
+        message = f"These are the same after {count} half steps as after {count} whole ones: {names}."
+        return warned(message, clause=_SIZE)
+    if different:
+        lines = tuple(f"{line} with half steps." for line in different)
         # the standard does not require it, and a state may be sampled once per step on purpose
         return noted(
-            f"{len(far)} of {len(whole.names)} outputs depend on the step size: {lines[0]}", details=lines
+            f"{len(different)} of {len(full_steps.names)} outputs depend on the step size: {lines[0]}",
+            details=lines,
         )
     return passed(f"Half steps and whole steps agree within {most:.1g} of each output's range.")
 
 
-_FEW = 20
+_STEPS_WITHOUT_INPUTS = 20
 _SIZE = Clause(
     "4.2.2",
     "The slave must integrate until time instant tc_{i+1} = tc_i + hc_i.",
@@ -120,17 +127,20 @@ _SIZE = Clause(
 
 def _list_without_size(subject: Subject, course: Experiment) -> list[str]:
     """Return continuous outputs that change as much in half steps as in whole ones, with constant inputs."""
-    inputs = {name: np.full(_FEW + 1, v[0]) for name, v in course.inputs.items()}
-    whole, half = (
-        run_alone(subject, Experiment(course.times[0] + np.arange(_FEW + 1) * part * course.step, inputs))
+    inputs = {name: np.full(_STEPS_WITHOUT_INPUTS + 1, v[0]) for name, v in course.inputs.items()}
+    full_steps, half_steps = (
+        run_alone(
+            subject,
+            Experiment(course.times[0] + np.arange(_STEPS_WITHOUT_INPUTS + 1) * part * course.step, inputs),
+        )
         for part in (1.0, 0.5)
     )
-    if len(whole.times) != len(half.times):
+    if len(full_steps.times) != len(half_steps.times):
         return []
-    moving = np.mean(np.diff(whole.values, axis=0) != 0.0, axis=0) > 0.5
-    close = np.isclose(whole.values, half.values, rtol=1e-9, atol=0.0).all(axis=0)
+    is_moving = np.mean(np.diff(full_steps.values, axis=0) != 0.0, axis=0) > 0.5
+    is_close = np.isclose(full_steps.values, half_steps.values, rtol=1e-9, atol=0.0).all(axis=0)
     return [
         name
-        for name, is_same in zip(whole.names, moving & close, strict=True)
+        for name, is_same in zip(full_steps.names, is_moving & is_close, strict=True)
         if is_same and subject.variables[name].variability in (None, "continuous")
     ]

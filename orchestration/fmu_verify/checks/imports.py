@@ -19,7 +19,7 @@ from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, fmi3, in_both, noted, skipped
 
-_EVERYWHERE = re.compile(
+_STANDARD_LIBRARY = re.compile(
     r"""
     lib(c|m|dl|rt|pthread|util|gcc_s|stdc\+\+)\.so(\.\d+)? | ld-(linux|musl)[-.\w]*
     | libSystem\.B\.dylib | libc\+\+(abi)?\.\d\.dylib | libobjc\.A\.dylib
@@ -59,28 +59,36 @@ _UNDEFINED = 0
 )
 def imports(subject: Subject) -> CheckOutcome:
     """Check that every needed library and function is standard or shipped with the FMU."""
-    found = [
-        (one, binary) for one in list_libraries(subject) if (binary := parse_library(one.path)) is not None
+    libraries = [
+        (library, binary)
+        for library in list_libraries(subject)
+        if (binary := parse_library(library.path)) is not None
     ]
-    if not found:
+    if not libraries:
         return skipped("There are no readable binaries.")
-    doubts = [p for one, binary in found for p in (*_needed(one, binary), *_undefined(one, binary))]
-    paths = [p for one, binary in found for p in _foreign_paths(one, binary)]
-    if doubts and not paths and (documented := find_dependencies_file(subject)):
-        return noted(f"{doubts[0]} {documented} is there to document what it needs.", details=tuple(doubts))
-    fine = f"{join_few_names([str(one) for one, _ in found])} need only standard libraries."
+    doubts = [
+        p
+        for library, binary in libraries
+        for p in (*_find_unusual_libraries(library, binary), *_find_undefined_functions(library, binary))
+    ]
+    paths = [p for library, binary in libraries for p in _find_foreign_paths(library, binary)]
+    if doubts and not paths and (dependencies_file := find_dependencies_file(subject)):
+        return noted(
+            f"{doubts[0]} {dependencies_file} is there to document what it needs.", details=tuple(doubts)
+        )
+    fine = f"{join_few_names([str(library) for library, _ in libraries])} need only standard libraries."
     return judge_problems((), fine, [*doubts, *paths])
 
 
-def _needed(library: Library, binary: Any) -> Iterator[str]:
+def _find_unusual_libraries(library: Library, binary: Any) -> Iterator[str]:
     shipped = {p.name.lower() for p in library.path.parent.iterdir()}
     names = [name.rpartition("/")[2] for name in list_needed_libraries(binary)]
-    unusual = [n or "''" for n in names if not _EVERYWHERE.fullmatch(n) and n.lower() not in shipped]
+    unusual = [n or "''" for n in names if not _STANDARD_LIBRARY.fullmatch(n) and n.lower() not in shipped]
     if unusual:
         yield f"{library} needs {join_few_names(unusual)}, which some systems do not have."
 
 
-def _foreign_paths(library: Library, binary: Any) -> Iterator[Problem]:
+def _find_foreign_paths(library: Library, binary: Any) -> Iterator[Problem]:
     """Yield folders of the machine of the exporter in which a Linux library looks for others."""
     import lief
 
@@ -94,37 +102,41 @@ def _foreign_paths(library: Library, binary: Any) -> Iterator[Problem]:
         else:
             continue
         folders = [f for f in str(paths).split(":") if f]
-        other = [f for f in folders if not f.startswith(("$ORIGIN", "${ORIGIN}"))]
-        if foreign := [f for f in other if not _SYSTEM_FOLDER.fullmatch(f)]:
-            what = f"{library} looks for libraries in {join_few_names(foreign)} ({kind})"
-            yield Breach(f"{what}, which is not in the FMU.", _ORIGIN)
+        absolute_folders = [f for f in folders if not f.startswith(("$ORIGIN", "${ORIGIN}"))]
+        if foreign := [f for f in absolute_folders if not _SYSTEM_FOLDER.fullmatch(f)]:
+            message = f"{library} looks for libraries in {join_few_names(foreign)} ({kind})"
+            yield Breach(f"{message}, which is not in the FMU.", _ORIGIN)
 
 
-def _undefined(library: Library, binary: Any) -> Iterator[str]:
+def _find_undefined_functions(library: Library, binary: Any) -> Iterator[str]:
     """Yield a warning about functions that a Linux library needs, but that no library it links has."""
     import lief
 
     if not isinstance(binary, lief.ELF.Binary):
         return
     imported = [s for s in binary.dynamic_symbols if s.shndx == _UNDEFINED and s.name]
-    wanted = [s for s in imported if s.binding != lief.ELF.Symbol.BINDING.WEAK]
-    open_ones = sorted({str(s.name) for s in wanted if not _versioned(s)})
-    if open_ones and library.platform in (fmpy.platform, fmpy.platform_tuple):
-        named = [handle for name in list_needed_libraries(binary) if (handle := _handle(name)) is not None]
-        open_ones = [name for name in open_ones if not any(hasattr(handle, name) for handle in named)]
-    elif any(not _EVERYWHERE.fullmatch(name) for name in list_needed_libraries(binary)):
+    required = [s for s in imported if s.binding != lief.ELF.Symbol.BINDING.WEAK]
+    undefined_names = sorted({str(s.name) for s in required if not _has_version(s)})
+    if undefined_names and library.platform in (fmpy.platform, fmpy.platform_tuple):
+        linked_libraries = [
+            handle for name in list_needed_libraries(binary) if (handle := _load_library(name)) is not None
+        ]
+        undefined_names = [
+            name for name in undefined_names if not any(hasattr(handle, name) for handle in linked_libraries)
+        ]
+    elif any(not _STANDARD_LIBRARY.fullmatch(name) for name in list_needed_libraries(binary)):
         return
-    if open_ones:
-        yield f"{library} needs {join_few_names(open_ones)}, which none of its linked libraries has."
+    if undefined_names:
+        yield f"{library} needs {join_few_names(undefined_names)}, which none of its linked libraries has."
 
 
-def _versioned(symbol: Any) -> bool:
+def _has_version(symbol: Any) -> bool:
     return bool(symbol.has_version and symbol.symbol_version.has_auxiliary_version)
 
 
-def _handle(name: str) -> Any:
+def _load_library(name: str) -> Any:
     """Load a library of this system. Return None if there is none with this name."""
-    if not _EVERYWHERE.fullmatch(name):
+    if not _STANDARD_LIBRARY.fullmatch(name):
         return None
     try:
         return ctypes.CDLL(name)

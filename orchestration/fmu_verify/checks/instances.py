@@ -12,10 +12,10 @@ from emla_cosim.fmu.clocks import CLOCK, explain_unsupported_clock, is_triggered
 from emla_cosim.fmu.instance import OK
 
 from ..check import check
-from ..host.experiment import MOST_STEPS, Experiment, make_experiment, span
+from ..host.experiment import MOST_STEPS, Experiment, make_experiment, read_span
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import OutputTrajectory, outputs, run_alone, run_instance
+from ..host.instance_runs import OutputTrajectory, list_outputs, run_alone, run_instance
 from ..host.log import LOG
 from ..host.process_state import can_read_memory, read_memory
 from ..subject import Subject
@@ -224,7 +224,7 @@ def _courses(subject: Subject, count: int, steps: int = MOST_STEPS) -> list[Expe
 def _in_turns(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
     """Run one instance for each course, each some steps behind the one before, and one more at the end."""
     instances = [HostedInstance(subject, f"examined {k}") for k in range(len(courses))]
-    names = outputs(subject)
+    names = list_outputs(subject)
     rows: list[list[list[float]]] = [[] for _ in courses]
     last = len(courses[0].times) - 1
     delay = min(3, last)
@@ -329,7 +329,7 @@ def _judge_steps_at_once(subject: Subject) -> CheckOutcome | None:
 
 def _step_alone(subject: Subject) -> tuple[int, OutputTrajectory]:
     """Return the steps that an instance makes in a short time, and its outputs after them."""
-    instance, (_, _, count) = HostedInstance(subject), span(subject)
+    instance, (_, _, count) = HostedInstance(subject), read_span(subject)
     until = time.monotonic() + _DURATION
     steps = _step_at_once(instance, min(count, _MOST_STEPS_AT_ONCE, subject.most_steps), until)
     return steps, _read_outputs(instance)
@@ -355,7 +355,7 @@ def _step_in_threads(subject: Subject, steps: int, expected: OutputTrajectory) -
 
 def _step_at_once(instance: HostedInstance, most: int, until: float = math.inf) -> int:
     """Initialize an instance and step it with nothing between the calls; return the number of steps."""
-    start, step, _ = span(instance.subject)
+    start, step, _ = read_span(instance.subject)
     instance.initialize(make_experiment(instance.subject, 1).at(0), start)
     call, arguments = instance.plain_step()
     for k in range(most):
@@ -365,7 +365,7 @@ def _step_at_once(instance: HostedInstance, most: int, until: float = math.inf) 
 
 
 def _read_outputs(instance: HostedInstance) -> OutputTrajectory:
-    names = outputs(instance.subject)
+    names = list_outputs(instance.subject)
     return OutputTrajectory(np.zeros(1), names, np.array([instance.get(names)], dtype=float))
 
 

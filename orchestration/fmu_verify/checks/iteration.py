@@ -57,10 +57,10 @@ def _find_endless(subject: Subject, kind: str) -> str:
     uses_mode = True if kind == "CoSimulation" else None
     instance, course = HostedInstance(subject, kind=kind, events=uses_mode), make_experiment(subject)
     try:
-        found = run_instance(instance, course)
+        trajectory = run_instance(instance, course)
     except EndlessIterationError:
-        began = instance.step_began
-        return "of the initialization" if began is None else f"in the step from t = {began:.9g} s"
+        start = instance.step_began
+        return "of the initialization" if start is None else f"in the step from t = {start:.9g} s"
     if kind == "ModelExchange" or subject.has_clocks:  # other checks run it with the same options
-        keep_run(subject, course, kind, found)
+        keep_run(subject, course, kind, trajectory)
     return ""

@@ -9,10 +9,10 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.base.wording import format_count
 
 from ..check import check
-from ..host.experiment import span
+from ..host.experiment import read_span
 from ..host.fresh_process import in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.other_values import other_of, same, settable, show
+from ..host.other_values import are_same, choose_other_value, format_value, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, skipped
@@ -24,7 +24,7 @@ _STEPS = 6
 _MORE_STEPS = 60
 """Steps of a longer run, before a value counts as one without effect: a controller may sample rarely."""
 
-_WHEN = (1, 2, 3)
+_STEPS_OF_CHANGE = (1, 2, 3)
 """Steps before which a value is set."""
 
 _MOST = 100
@@ -33,7 +33,7 @@ _MOST_RESULTS = 300
 Rows = list[list[str]]
 
 
-class _Late(NamedTuple):
+class _LateEffect(NamedTuple):
     """What is wrong with a variable: it lacks an effect, or has it some steps later than at the start."""
 
     name: str
@@ -59,100 +59,106 @@ def late(subject: Subject) -> CheckOutcome:
 
     Values are compared with those that were set, and results with a run without the change.
     """
-    every = [
+    variables = [
         v
-        for v in settable(subject, "input", "parameter", tunable=True, most=None)
-        if other_of(v) is not None and not v.clocks
+        for v in list_settable(subject, "input", "parameter", tunable=True, most=None)
+        if choose_other_value(v) is not None and not v.clocks
     ]
-    every_result = _list_results(subject)
-    results = every_result[:_MOST_RESULTS]
-    if not every or not results:
+    all_results = _list_results(subject)
+    results = all_results[:_MOST_RESULTS]
+    if not variables or not results:
         return skipped("It has no tunable parameter and no input with another valid value, or no output.")
-    judged, found, lost = 0, list[_Late](), list[str]()
+    judged_count, late_effects, not_kept = 0, list[_LateEffect](), list[str]()
     plain = in_separate_process(_run, subject, results, None, 0, _STEPS)[0]
-    for variable in take_in_time(every[:_MOST], subject.settings.seconds):
+    for variable in take_in_time(variables[:_MOST], subject.settings.seconds):
         with suppress(CallError):  # the model does not bear this value
-            found += _look(subject, variable, results, plain, lost)
-            judged += 1
-    gaps = list_left_out(judged, len(every), "inputs and tunable parameters were set between steps.")
-    gaps += list_left_out(len(results), len(every_result), "outputs and derivatives were compared.")
-    without = [one.name for one in found if one.delay is None]
-    problems = list(lost)
-    if without:
+            late_effects += _examine_variable(subject, variable, results, plain, not_kept)
+            judged_count += 1
+    gaps = list_left_out(
+        judged_count, len(variables), "inputs and tunable parameters were set between steps."
+    )
+    gaps += list_left_out(len(results), len(all_results), "outputs and derivatives were compared.")
+    without_effect = [effect.name for effect in late_effects if effect.delay is None]
+    problems = list(not_kept)
+    if without_effect:
         problems.append(
-            f"{join_few_names(without)} changes nothing if it is set after initialization, although it does "
-            "if it is set before."
+            f"{join_few_names(without_effect)} changes nothing if it is set after initialization, although "
+            "it does if it is set before."
         )
     problems += [
-        f"{one.name} has its effect {format_count(one.delay, 'step', 'steps')} later if it is set between "
-        "steps than at the start."
-        for one in found
-        if one.delay is not None
+        f"{effect.name} has its effect {format_count(effect.delay, 'step', 'steps')} later if it is set "
+        "between steps than at the start."
+        for effect in late_effects
+        if effect.delay is not None
     ]
-    fine = f"Of {judged} inputs and tunable parameters, all that have an effect at the start have it later."
+    fine = (
+        f"Of {judged_count} inputs and tunable parameters, all that have an effect at the start have it "
+        "later."
+    )
     return judge_problems((), fine, problems, gaps)
 
 
 def _list_results(subject: Subject) -> list[str]:
     """Return outputs of all types, and state derivatives."""
-    found = subject.description.modelVariables
-    names = [v.name for v in found if v.causality == "output" and not v.clocks]
-    slopes = [v.name for v in found if v.derivative is not None]
+    variables = subject.description.modelVariables
+    names = [v.name for v in variables if v.causality == "output" and not v.clocks]
+    slopes = [v.name for v in variables if v.derivative is not None]
     return list(dict.fromkeys([*names, *slopes]))
 
 
-def _look(
-    subject: Subject, variable: ModelVariable, results: list[str], plain: Rows, lost: list[str]
-) -> Iterator[_Late]:
-    """Yield what is wrong with a variable; `lost` gets it if its value is not kept."""
+def _examine_variable(
+    subject: Subject, variable: ModelVariable, results: list[str], plain: Rows, not_kept: list[str]
+) -> Iterator[_LateEffect]:
+    """Yield what is wrong with a variable; `not_kept` gets it if its value is not kept."""
     first = in_separate_process(_run, subject, results, variable, 0, _STEPS)[0]
     at_start = _find_effect(first, plain, 0)
-    if at_start is None or not any(one != two for one, two in zip(first[2:], plain[2:], strict=False)):
+    if at_start is None or not any(
+        changed_row != plain_row for changed_row, plain_row in zip(first[2:], plain[2:], strict=False)
+    ):
         return  # nothing, or only in initial values that vanish
     delays = list[int | None]()
-    for when in _WHEN:
-        rows, value = in_separate_process(_run, subject, results, variable, when, _STEPS)
-        if when == _WHEN[0] and not same(value, other_of(variable)):
-            lost.append(
-                f"{variable.name} is {show(value)} after it was set to {show(other_of(variable))} later."
-            )
+    for change_step in _STEPS_OF_CHANGE:
+        rows, value = in_separate_process(_run, subject, results, variable, change_step, _STEPS)
+        if change_step == _STEPS_OF_CHANGE[0] and not are_same(value, choose_other_value(variable)):
+            new = format_value(choose_other_value(variable))
+            not_kept.append(f"{variable.name} is {format_value(value)} after it was set to {new} later.")
             return
-        delays.append(_find_effect(rows, plain, when))
+        delays.append(_find_effect(rows, plain, change_step))
     if set(delays) == {None}:
         longer = in_separate_process(_run, subject, results, None, 0, _MORE_STEPS)[0]
-        rows, _ = in_separate_process(_run, subject, results, variable, _WHEN[0], _MORE_STEPS)
-        if _find_effect(rows, longer, _WHEN[0]) is None and len(rows) > _STEPS:
-            yield _Late(variable.name, None)
+        rows, _ = in_separate_process(_run, subject, results, variable, _STEPS_OF_CHANGE[0], _MORE_STEPS)
+        if _find_effect(rows, longer, _STEPS_OF_CHANGE[0]) is None and len(rows) > _STEPS:
+            yield _LateEffect(variable.name, None)
         return
-    (delay, *others) = delays
+    (delay, *later_delays) = delays
     # one that samples its inputs rarely has other delays after each step
-    if delay is not None and others == [delay] * len(others) and delay > max(at_start, 1):
-        yield _Late(variable.name, delay - max(at_start, 1))
+    if delay is not None and later_delays == [delay] * len(later_delays) and delay > max(at_start, 1):
+        yield _LateEffect(variable.name, delay - max(at_start, 1))
 
 
-def _find_effect(rows: Rows, plain: Rows, when: int) -> int | None:
+def _find_effect(rows: Rows, plain: Rows, change_step: int) -> int | None:
     """Return the number of steps after which rows differ, counted from a step; None if they do not."""
-    for k, (one, two) in enumerate(zip(rows, plain, strict=False)):
-        if one != two:
-            return k - when
+    for k, (changed_row, plain_row) in enumerate(zip(rows, plain, strict=False)):
+        if changed_row != plain_row:
+            return k - change_step
     return None
 
 
 def _run(
-    subject: Subject, results: list[str], variable: ModelVariable | None, when: int, steps: int
+    subject: Subject, results: list[str], variable: ModelVariable | None, change_step: int, steps: int
 ) -> tuple[Rows, Any]:
     """Return results after initialization and each step, and the value of a variable after it was set.
 
-    It is set before the step `when`, counted from 0; before initialization for 0.
+    It is set before the step `change_step`, counted from 0; before initialization for 0.
     """
-    start, step, count = span(subject)
-    changes = {} if variable is None else {variable.name: other_of(variable)}
+    start, step, count = read_span(subject)
+    changes = {} if variable is None else {variable.name: choose_other_value(variable)}
     instance = HostedInstance(subject)
-    instance.initialize(changes if when == 0 else None, start)
+    instance.initialize(changes if change_step == 0 else None, start)
     rows, values = [[str(v) for v in instance.get(results)]], [None]
 
     def change(k: int) -> None:
-        if k == when and changes and k:
+        if k == change_step and changes and k:
             instance.set(changes)
             values[:] = instance.get(list(changes))
 

@@ -92,28 +92,28 @@ class Findings(NamedTuple):
 )
 def manifests(subject: Subject) -> CheckOutcome:
     """Check folders in `extra`, the manifests in them, and the files, variables and terminals they name."""
-    found = Findings([], [], [*_note_folders(subject.folder / EXTRA)], [])
-    _find_missing_manifests(subject, found)
+    findings = Findings([], [], [*_note_folders(subject.folder / EXTRA)], [])
+    _find_missing_manifests(subject, findings)
     paths = list_manifests(subject.folder)
     for path in paths:
         try:
             manifest = read_manifest(path)
         except CommandError as error:
-            found.problems.append(sentence(error))
+            findings.problems.append(sentence(error))
             continue
         name = path.parent.name if path.parent.name in _STANDARDS else manifest.name
         standard = _STANDARDS.get(name or "")
         if standard is None:
-            _judge_attributes(manifest, found)
+            _judge_attributes(manifest, findings)
         else:
-            _judge_known(manifest, name or "", standard, subject, found)
-    gaps = (*found.notes, *found.gaps)
-    if not paths and not any(found):
+            _judge_standard(manifest, name or "", standard, subject, findings)
+    gaps = (*findings.notes, *findings.gaps)
+    if not paths and not any(findings):
         return skipped("It has no manifest of a layered standard.")
-    if found.notes and not found.problems and not found.doubts:
+    if findings.notes and not findings.problems and not findings.doubts:
         return noted(gaps[0], gaps=gaps[1:], clause=_FOLDERS)
     fine = f"{len(paths)} manifests of layered standards are valid."
-    return judge_problems(found.problems, fine, found.doubts, gaps=gaps)
+    return judge_problems(findings.problems, fine, findings.doubts, gaps=gaps)
 
 
 def _note_folders(extra: Path) -> Iterator[str]:
@@ -125,85 +125,85 @@ def _note_folders(extra: Path) -> Iterator[str]:
             yield f"The name of the folder {EXTRA}/{path.name} is not in reverse domain notation."
 
 
-def _find_missing_manifests(subject: Subject, found: Findings) -> None:
+def _find_missing_manifests(subject: Subject, findings: Findings) -> None:
     """Add folders of known standards without a manifest, or whose names differ by case."""
     for path in sorted((subject.folder / EXTRA).glob("*/")):
         for name in _STANDARDS:
             where = f"{EXTRA}/{path.name}"
             if path.name.casefold() == name and path.name != name:
-                found.problems.append(Breach(f"The name of the folder {where} must be {name}.", _PRESENT))
+                findings.problems.append(Breach(f"The name of the folder {where} must be {name}.", _PRESENT))
             elif path.name == name and not (path / MANIFEST).is_file():
-                other = [p.name for p in path.iterdir() if p.name.casefold() == MANIFEST]
-                but = f", but {other[0]}" if other else ""
-                found.doubts.append(Breach(f"{where} has no {MANIFEST}{but}.", _PRESENT))
+                similar_names = [p.name for p in path.iterdir() if p.name.casefold() == MANIFEST]
+                but = f", but {similar_names[0]}" if similar_names else ""
+                findings.doubts.append(Breach(f"{where} has no {MANIFEST}{but}.", _PRESENT))
 
 
-def _judge_attributes(manifest: LayeredManifest, found: Findings) -> None:
+def _judge_attributes(manifest: LayeredManifest, findings: Findings) -> None:
     """Add what is wrong with the attributes that all manifests should have."""
     for attribute in ("name", "version", "description"):
         text = getattr(manifest, attribute)
         if text is None and attribute == "description":
-            found.gaps.append(f"{manifest.label} has no fmi-ls-description.")
+            findings.gaps.append(f"{manifest.label} has no fmi-ls-description.")
         elif text is None:
-            bare = manifest.root.get(f"fmi-ls-{attribute}") is not None
-            where = " in its namespace" if bare else ""
-            what = f"{manifest.label} has no fmi-ls-{attribute}{where}."
-            found.doubts.append(Breach(what, _ATTRIBUTES))
+            lacks_namespace = manifest.root.get(f"fmi-ls-{attribute}") is not None
+            where = " in its namespace" if lacks_namespace else ""
+            message = f"{manifest.label} has no fmi-ls-{attribute}{where}."
+            findings.doubts.append(Breach(message, _ATTRIBUTES))
         elif not text.strip():
-            found.gaps.append(f"The fmi-ls-{attribute} of {manifest.label} is empty.")
+            findings.gaps.append(f"The fmi-ls-{attribute} of {manifest.label} is empty.")
     if manifest.name and not _DOMAIN.fullmatch(manifest.name):
-        what = f"The fmi-ls-name of {manifest.label}, {manifest.name}, is not in reverse domain notation."
-        found.gaps.append(what)
+        message = f"The fmi-ls-name of {manifest.label}, {manifest.name}, is not in reverse domain notation."
+        findings.gaps.append(message)
     elif manifest.name and manifest.name != manifest.path.parent.name:
-        found.gaps.append(f"{manifest.label} is for {manifest.name}, which is not the name of its folder.")
+        findings.gaps.append(f"{manifest.label} is for {manifest.name}, which is not the name of its folder.")
 
 
-def _judge_known(
-    manifest: LayeredManifest, name: str, standard: "_Standard", subject: Subject, found: Findings
+def _judge_standard(
+    manifest: LayeredManifest, name: str, standard: "_Standard", subject: Subject, findings: Findings
 ) -> None:
     label, clause = manifest.label, standard.clause
     if manifest.name != name:
         has = f"the fmi-ls-name {manifest.name}" if manifest.name is not None else "no fmi-ls-name"
-        found.problems.append(Breach(f"{label} has {has}; it must be {name}.", clause))
+        findings.problems.append(Breach(f"{label} has {has}; it must be {name}.", clause))
     elif manifest.path.parent.name != name:
-        found.problems.append(Breach(f"{label} is for {name}; it must be in {EXTRA}/{name}.", clause))
+        findings.problems.append(Breach(f"{label} is for {name}; it must be in {EXTRA}/{name}.", clause))
     if not (manifest.version or "").strip():
-        found.problems.append(Breach(f"{label} has no fmi-ls-version.", clause))
+        findings.problems.append(Breach(f"{label} has no fmi-ls-version.", clause))
     elif not _SEMANTIC.match(manifest.version or ""):
-        what = f"{label} has the fmi-ls-version {manifest.version}, which is not a semantic version."
-        found.doubts.append(Breach(what, _VERSIONS))
+        message = f"{label} has the fmi-ls-version {manifest.version}, which is not a semantic version."
+        findings.doubts.append(Breach(message, _VERSIONS))
     elif manifest.version is not None and not manifest.version.startswith("1."):
-        found.gaps.append(f"{label} is for version {manifest.version}; it was judged by version 1.")
+        findings.gaps.append(f"{label} is for version {manifest.version}; it was judged by version 1.")
     if not (manifest.description or "").strip():
-        found.gaps.append(f"{label} has no fmi-ls-description.")
+        findings.gaps.append(f"{label} has no fmi-ls-description.")
     if subject.version not in standard.versions:
-        what = f"{label} is for {name}, which is for FMI 3.0 only."
-        found.doubts.append(Breach(what, clause))
+        message = f"{label} is for {name}, which is for FMI 3.0 only."
+        findings.doubts.append(Breach(message, clause))
     violations = list(find_element_problems(manifest.root, MANIFESTS[name]))
-    found.problems.extend(Breach(f"{label}, {violation}", clause) for violation in violations)
+    findings.problems.extend(Breach(f"{label}, {violation}", clause) for violation in violations)
     if not violations and subject.version in standard.versions:
-        standard.judge(manifest, subject, found)
+        standard.judge(manifest, subject, findings)
 
 
-def _judge_related(manifest: LayeredManifest, subject: Subject, found: Findings) -> None:
+def _judge_related(manifest: LayeredManifest, subject: Subject, findings: Findings) -> None:
     """Add related files that are not in the FMU."""
-    for one in manifest.root.iter("{*}Related"):
-        source = one.get("source")
+    for element in manifest.root.iter("{*}Related"):
+        source = element.get("source")
         if urlsplit(source).scheme:
-            found.gaps.append(f"The related file {source} is not in the FMU, and was not examined.")
+            findings.gaps.append(f"The related file {source} is not in the FMU, and was not examined.")
             continue
         path = (manifest.path.parent / unquote(urlsplit(source).path)).resolve()
         if not path.is_relative_to(subject.folder.resolve()):
-            what = f"{manifest.label} names the file {source}, which is outside of the FMU."
-            found.problems.append(Breach(what, _SOURCE))
+            message = f"{manifest.label} names the file {source}, which is outside of the FMU."
+            findings.problems.append(Breach(message, _SOURCE))
         elif not path.is_file():
-            what = f"{manifest.label} names the file {source}, which does not exist."
-            found.doubts.append(Breach(what, _RELATED))
+            message = f"{manifest.label} names the file {source}, which does not exist."
+            findings.doubts.append(Breach(message, _RELATED))
 
 
-def _judge_struct(manifest: LayeredManifest, subject: Subject, found: Findings) -> None:
-    found.problems.extend(judge_maps(subject))
-    found.doubts.extend(doubt_maps(subject))
+def _judge_struct(manifest: LayeredManifest, subject: Subject, findings: Findings) -> None:
+    findings.problems.extend(judge_maps(subject))
+    findings.doubts.extend(doubt_maps(subject))
 
 
 class _Standard(NamedTuple):

@@ -3,13 +3,13 @@
 import numpy as np
 
 from ..check import check
-from ..host.experiment import FEWEST_STEPS, Experiment, make_experiment, span
+from ..host.experiment import FEWEST_STEPS, Experiment, make_experiment, read_span
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import run_alone, run_instance
 from ..messages import judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, noted, own_rule, passed, skipped
-from ._sameness import differing
+from ._sameness import describe_differences
 from .iteration import explain_endless
 
 _WITH_CLOCKS = "Models with Clocks are not integrated; their co-simulation is examined."
@@ -38,14 +38,14 @@ def runs(subject: Subject) -> CheckOutcome:
     if subject.has_clocks:
         return skipped(_WITH_CLOCKS, gaps=(_WITH_CLOCKS,))
     try:
-        found = run_alone(subject, kind="ModelExchange")
+        trajectory = run_alone(subject, kind="ModelExchange")
     except CallError as error:
         return explain_endless(error)
     instance = HostedInstance(subject, kind="ModelExchange")
     run_instance(instance, make_experiment(subject, FEWEST_STEPS))
     instance.close()
     states = len(subject.description.derivatives)
-    return passed(f"{states} states were integrated to t = {found.times[-1]:.9g} s.")
+    return passed(f"{states} states were integrated to t = {trajectory.times[-1]:.9g} s.")
 
 
 @check(
@@ -70,36 +70,37 @@ def split(subject: Subject) -> CheckOutcome:
     """
     course = make_experiment(subject)
     inputs = {name: np.full(len(course.times), v[0]) for name, v in course.inputs.items()}
-    start, step, count = span(subject)
+    start, step, count = read_span(subject)
     stride = step * max(1, count // (len(course.times) - 1))
-    every = run_alone(
+    frequent = run_alone(
         subject, Experiment(start + stride * np.arange(float(len(course.times))), inputs), "ModelExchange"
     )
-    few = {name: v[::_STRIDE] for name, v in inputs.items()}
+    rare_inputs = {name: v[::_STRIDE] for name, v in inputs.items()}
     rare = run_alone(
         subject,
-        Experiment(start + _STRIDE * stride * np.arange(float(len(course.times[::_STRIDE]))), few),
+        Experiment(start + _STRIDE * stride * np.arange(float(len(course.times[::_STRIDE]))), rare_inputs),
         "ModelExchange",
     )
-    rows = min(len(rare.times), len(every.times[::_STRIDE]))
-    one, other = every.values[::_STRIDE][:rows], rare.values[:rows]
-    scale = np.maximum(np.ptp(one, axis=0), np.ptp(other, axis=0))
-    far = (np.abs(one - other) > _FAR * scale).mean(axis=0)
+    rows = min(len(rare.times), len(frequent.times[::_STRIDE]))
+    frequent_values, rare_values = frequent.values[::_STRIDE][:rows], rare.values[:rows]
+    scale = np.maximum(np.ptp(frequent_values, axis=0), np.ptp(rare_values, axis=0))
+    different_fraction = (np.abs(frequent_values - rare_values) > _MAX_DIFFERENCE * scale).mean(axis=0)
     names = [
         f"{n} differs in {part:.0%} of the rows"
-        for n, part in zip(every.names, far, strict=True)
-        if part > _MANY
+        for n, part in zip(frequent.names, different_fraction, strict=True)
+        if part > _MAX_DIFFERENT_FRACTION
     ]
     fine = (
-        f"{len(every.names)} outputs are the same where the host enters event mode {_STRIDE} times as often."
+        f"{len(frequent.names)} outputs are the same where the host enters event mode {_STRIDE} times as "
+        "often."
     )
     lines = [f"{name} where the host enters event mode more often, with constant inputs." for name in names]
     return judge_problems((), fine, lines)
 
 
 _STRIDE = 5
-_FAR = 5e-3
-_MANY = 0.3
+_MAX_DIFFERENCE = 5e-3
+_MAX_DIFFERENT_FRACTION = 0.3
 
 
 @check(
@@ -116,7 +117,7 @@ def agrees(subject: Subject) -> CheckOutcome:
         return skipped("The FMU is not for Co-Simulation.")
     slave, model = run_alone(subject, kind="CoSimulation"), run_alone(subject, kind="ModelExchange")
     rows = min(len(slave.times), len(model.times))  # one may end the run early
-    far, most = differing(model, slave, rows)
+    far, most = describe_differences(model, slave, rows)
     if far:
         lines = tuple(f"{line}." for line in far)
         return noted(

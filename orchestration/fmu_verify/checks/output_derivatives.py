@@ -13,7 +13,7 @@ from ..verdict import CheckOutcome, Clause, fmi3, passed, skipped, warned
 from ._steps import walk
 
 _MOST_ORDERS = 3
-_LATE = 0.1
+_LATE_RATIO = 0.1
 """Distance from the slope one step before, relative to that from the present one, that shows a late one."""
 
 _MARGIN = 0.05
@@ -57,11 +57,11 @@ def of_outputs(subject: Subject) -> CheckOutcome:
     if not names:
         return skipped("It has no continuous output.")
     most = min(declared, _MOST_ORDERS)
-    times, values = _slopes_on_the_way(subject, names, most)
+    times, values = _record_derivatives(subject, names, most)
     wrong = []
     for order in range(1, most + 1):
         slopes = np.diff(values[order - 1], axis=0) / np.diff(times)[:, None]
-        is_wrong = (_beside(values[order], slopes).mean(axis=0) > 0.5) | _are_late(values[order], slopes)
+        is_wrong = (_are_outside(values[order], slopes).mean(axis=0) > 0.5) | _are_late(values[order], slopes)
         wrong += [(name, order) for name, is_this in zip(names, is_wrong, strict=True) if is_this]
     if wrong:
         lines = tuple(f"The derivative of order {order} of {name} does not match." for name, order in wrong)
@@ -77,7 +77,7 @@ def of_outputs(subject: Subject) -> CheckOutcome:
     )
 
 
-def _slopes_on_the_way(subject: Subject, names: list[str], most: int) -> tuple[Vector, list[Vector]]:
+def _record_derivatives(subject: Subject, names: list[str], most: int) -> tuple[Vector, list[Vector]]:
     """Return times, and outputs and derivatives by order, of a run with constant inputs.
 
     A jump of an input has no slope.
@@ -94,17 +94,17 @@ def _slopes_on_the_way(subject: Subject, names: list[str], most: int) -> tuple[V
     return course.times[1 : len(rows) + 1], values
 
 
-def _are_late(given: Vector, slopes: Vector) -> Vector:
+def _are_late(derivatives: Vector, slopes: Vector) -> Vector:
     """Return which derivatives are those of the communication point before."""
     middle = 0.5 * (slopes[:-1] + slopes[1:])  # at the points 1 to the last but one
-    now, before = (np.abs(given[2:-1] - m).sum(axis=0) for m in (middle[1:], middle[:-1]))
-    moved = np.abs(np.diff(middle, axis=0)).sum(axis=0)
-    return (before < _LATE * now) & (moved > _MARGIN * np.abs(slopes).max(axis=0, initial=0.0))
+    now, before = (np.abs(derivatives[2:-1] - m).sum(axis=0) for m in (middle[1:], middle[:-1]))
+    variation = np.abs(np.diff(middle, axis=0)).sum(axis=0)
+    return (before < _LATE_RATIO * now) & (variation > _MARGIN * np.abs(slopes).max(axis=0, initial=0.0))
 
 
-def _beside(given: Vector, slopes: Vector) -> Vector:
+def _are_outside(derivatives: Vector, slopes: Vector) -> Vector:
     """Return where a derivative is outside of the slopes of the steps before and after it."""
-    inner = given[1:-1]
+    inner = derivatives[1:-1]
     low, high = np.minimum(slopes[:-1], slopes[1:]), np.maximum(slopes[:-1], slopes[1:])
     margin = (high - low) + _MARGIN * np.abs(slopes).max(axis=0, initial=0.0) + 1e-12
     return ~((inner >= low - margin) & (inner <= high + margin))

@@ -14,7 +14,7 @@ from ..subject import Subject
 from ..subprocess_run import note
 from ..verdict import CheckOutcome, Clause, failed, fmi3, passed, skipped, warned
 
-_HERE = (fmpy.platform_tuple, fmpy.platform)
+_THIS_PLATFORM = (fmpy.platform_tuple, fmpy.platform)
 _VERSION_3 = re.compile(rb"3\.0(\.[0-9]+)?")
 
 
@@ -44,17 +44,18 @@ def platform(subject: Subject) -> CheckOutcome:
     for folder in list_platforms(subject):
         paths = sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix in SUFFIXES)
         count += len(paths)
-        if paths and (meant := suggest_platform(folder.name, subject.version)):
-            what = f"Tools do not look into binaries/{folder.name} for a library, but into binaries/{meant}."
-            (problems if meant == folder.name.lower() else doubts).append(what)
-            is_here |= meant in _HERE
+        if paths and (suggestion := suggest_platform(folder.name, subject.version)):
+            message = f"Tools do not look into binaries/{folder.name} for a library, but into"
+            message = f"{message} binaries/{suggestion}."
+            (problems if suggestion == folder.name.lower() else doubts).append(message)
+            is_here |= suggestion in _THIS_PLATFORM
         for path in paths:
             is_model = path.stem in names and path.parent == folder
-            if found := describe_mismatch(path, folder.name):
+            if actual := describe_mismatch(path, folder.name):
                 where = f"{folder.name}/{path.relative_to(folder)}"
-                what = f"{where} is a library for {found}, not for {folder.name}."
-                (problems if is_model else doubts).append(what)
-                is_here |= is_model and folder.name in _HERE
+                message = f"{where} is a library for {actual}, not for {folder.name}."
+                (problems if is_model else doubts).append(message)
+                is_here |= is_model and folder.name in _THIS_PLATFORM
     if not count:
         return skipped("There are no binaries.")
     fine = f"{count} libraries are for the platforms of their folders."
@@ -79,31 +80,33 @@ def platform(subject: Subject) -> CheckOutcome:
 )
 def version(subject: Subject) -> CheckOutcome:
     """Check what fmi2GetVersion and fmi2GetTypesPlatform return, before any other call."""
-    for library in (one for one in list_libraries(subject) if one.platform in _HERE):
-        loaded = ctypes.CDLL(str(library.path))
+    for library in (one for one in list_libraries(subject) if one.platform in _THIS_PLATFORM):
+        handle = ctypes.CDLL(str(library.path))
         if subject.version == 3:
-            if not _VERSION_3.fullmatch(said := _text(loaded, "fmi3GetVersion") or b""):
-                return failed(f"fmi3GetVersion of {library} returns {_shown(said)}, not '3.0'.")
+            if not _VERSION_3.fullmatch(version_text := _call_text_function(handle, "fmi3GetVersion") or b""):
+                return failed(f"fmi3GetVersion of {library} returns {_quote(version_text)}, not '3.0'.")
             continue
-        found = {name: _text(loaded, name) for name in ("fmi2GetVersion", "fmi2GetTypesPlatform")}
-        if found["fmi2GetVersion"] != b"2.0":
+        texts = {
+            name: _call_text_function(handle, name) for name in ("fmi2GetVersion", "fmi2GetTypesPlatform")
+        }
+        if texts["fmi2GetVersion"] != b"2.0":
             return failed(
-                f"fmi2GetVersion of {library} returns {_shown(found['fmi2GetVersion'])}, not '2.0'."
+                f"fmi2GetVersion of {library} returns {_quote(texts['fmi2GetVersion'])}, not '2.0'."
             )
-        if found["fmi2GetTypesPlatform"] != b"default":
-            shown = _shown(found["fmi2GetTypesPlatform"])
-            return warned(f"fmi2GetTypesPlatform of {library} returns {shown}, not 'default'.")
+        if texts["fmi2GetTypesPlatform"] != b"default":
+            types_platform = _quote(texts["fmi2GetTypesPlatform"])
+            return warned(f"fmi2GetTypesPlatform of {library} returns {types_platform}, not 'default'.")
     if subject.version == 3:
         return passed("It is compiled for FMI 3.0.")
     return passed("It is compiled for FMI 2.0 and the default types.")
 
 
-def _text(library: ctypes.CDLL, name: str) -> bytes | None:
+def _call_text_function(library: ctypes.CDLL, name: str) -> bytes | None:
     note(name)
     function = getattr(library, name)
     function.restype, function.argtypes = ctypes.c_char_p, []
     return function()
 
 
-def _shown(text: bytes | None) -> str:
+def _quote(text: bytes | None) -> str:
     return "NULL" if text is None else repr(text[:40].decode(errors="replace"))

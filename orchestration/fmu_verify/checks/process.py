@@ -21,7 +21,7 @@ from ..host.process_state import (
     end_children,
     load_c_library,
     read_settings,
-    settle,
+    wait_until_settled,
 )
 from ..messages import join_few_names, judge_problems
 from ..subject import Subject
@@ -78,11 +78,11 @@ def _grown(subject: Subject) -> tuple[dict[str, int], dict[str, int]]:
     before = count_resources()
     try:
         _run(subject)
-        settle(lambda: count_resources() == before)
+        wait_until_settled(lambda: count_resources() == before)
         first = count_resources()
         for _ in range(0 if is_single_instance(subject) else _CYCLES):
             _run(subject)
-        settle(lambda: count_resources() == first)
+        wait_until_settled(lambda: count_resources() == first)
         return _subtract_counts(first, before), _subtract_counts(count_resources(), first)
     finally:
         end_children()

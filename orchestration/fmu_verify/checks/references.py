@@ -42,11 +42,13 @@ def agrees(subject: Subject) -> CheckOutcome:
 
     They are those next to the FMU, or in the FMU as FMI-LS-REF lists them.
     """
-    given, name = subject.settings.reference, subject.path.stem
+    reference_folder, name = subject.settings.reference, subject.path.stem
     try:
-        solution = find_solution(subject.path, given)
-        if solution is None and given is not None:
-            return blocked(f"There is no {name}_ref.csv in {given}.", hint="Check the names of its files.")
+        solution = find_solution(subject.path, reference_folder)
+        if solution is None and reference_folder is not None:
+            return blocked(
+                f"There is no {name}_ref.csv in {reference_folder}.", hint="Check the names of its files."
+            )
         if solution is None:
             return _judge_results(subject)
         reference = read_reference(solution, subject.interface)
@@ -94,8 +96,8 @@ def _judge_result(subject: Subject, file: RelatedFile) -> CheckOutcome:
 
 
 def _leave_out(reason: str) -> CheckOutcome:
-    said = f"The result in the FMU was not compared. {reason}"
-    return skipped(said, gaps=(said,))
+    message = f"The result in the FMU was not compared. {reason}"
+    return skipped(message, gaps=(message,))
 
 
 def _find_experiment(subject: Subject, result: Path) -> ExperimentSetup | None:
@@ -125,6 +127,6 @@ def recorded(subject: Subject) -> CheckOutcome:
     except CommandError as error:
         return failed(sentence(error))
     except OSError as error:
-        said = f"'{recording.folder}' cannot be written: {error.strerror or error}."
-        return failed(said) if find_machine_fault(error) is None else blocked(said, gaps=(said,))
+        message = f"'{recording.folder}' cannot be written: {error.strerror or error}."
+        return failed(message) if find_machine_fault(error) is None else blocked(message, gaps=(message,))
     return passed(f"Wrote {', '.join(str(file) for file in files)}.")

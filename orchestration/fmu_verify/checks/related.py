@@ -12,10 +12,10 @@ import numpy as np
 from emla_cosim.base.errors import CommandError
 
 from ..check import check
-from ..host.experiment import make_experiment, span
+from ..host.experiment import make_experiment, read_span
 from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import OutputTrajectory, outputs
+from ..host.instance_runs import OutputTrajectory, list_outputs
 from ..messages import join_few_names, sentence
 from ..references.experiments import (
     SSV,
@@ -37,7 +37,7 @@ from ._sameness import ROUNDING, compare_runs
 from ._steps import walk
 from .states import restore_bytes
 
-_FACTOR, _PART = 6.0, 0.8
+_FACTOR, _TIME_FRACTION = 6.0, 0.8
 """Factor of the time limit for all experiments of a check, and the part of that in which they run."""
 
 _clause = partial(Clause, document="FMI-LS-REF 1.0.0-alpha.1")
@@ -53,14 +53,14 @@ def _judge_each(
     subject: Subject,
     files: list[RelatedFile],
     judge: Callable[[Subject, RelatedFile], CheckOutcome],
-    what: str,
+    description: str,
 ) -> CheckOutcome:
     """Judge related files, each in its turn. Files that are elsewhere, or are not there, are listed."""
     outcomes = {f"'{f.source}'": _guard(lambda f=f: judge(subject, f)) for f in files}
-    return combine(outcomes, f"The FMU lists no {what}.")
+    return combine(outcomes, f"The FMU lists no {description}.")
 
 
-def _path(file: RelatedFile) -> Path:
+def _require_path(file: RelatedFile) -> Path:
     if file.path is None:
         raise NotRunError("It is not in the FMU.")
     return file.path
@@ -87,9 +87,9 @@ def _judge_error(error: Exception) -> CheckOutcome:
 # ---- experiments --------------------------------------------------------------------------------
 
 
-def _judge_experiments(subject: Subject, purposes: tuple[str, ...], what: str) -> CheckOutcome:
+def _judge_experiments(subject: Subject, purposes: tuple[str, ...], description: str) -> CheckOutcome:
     """Run the experiments of the files with one of these sub-roles, and compare their references."""
-    until = time.monotonic() + _PART * _FACTOR * subject.settings.seconds
+    until = time.monotonic() + _TIME_FRACTION * _FACTOR * subject.settings.seconds
     outcomes = {}
     for file in list_related(subject.folder):
         if file.role != "experiment" or file.purpose not in purposes:
@@ -105,11 +105,11 @@ def _judge_experiments(subject: Subject, purposes: tuple[str, ...], what: str) -
             if outcome.verdict == Verdict.FAILED and (file := _find_listed_set(subject, setup)) is not None:
                 outcome = _leave_fault_of_set(subject, file, outcome)
             outcomes[label] = outcome
-    return combine(outcomes, f"The FMU lists no {what}.")
+    return combine(outcomes, f"The FMU lists no {description}.")
 
 
 def _read_experiments(subject: Subject, file: RelatedFile) -> list[ExperimentSetup]:
-    path = _path(file)
+    path = _require_path(file)
     if not is_of_type(file, TYPES, ".exp"):
         raise NotRunError(f"It has the type {file.type}. Its experiments were not run.")
     return read_experiments(path, subject.folder)
@@ -120,13 +120,13 @@ def _judge_experiment(subject: Subject, setup: ExperimentSetup, until: float) ->
         raise NotRunError(f"{setup.analysis} is not run.")
     reference, unknown = read_setup(subject, setup)
     check_columns(subject, reference)
-    found = in_fresh_process(run_reference, subject, reference, until)
+    trajectory = in_fresh_process(run_reference, subject, reference, until)
     outcome = (
-        judge_run(subject, reference, found, is_experiment=True)
+        judge_run(subject, reference, trajectory, is_experiment=True)
         if "References" in setup.data
-        else _judge_outputs(found)
+        else _judge_outputs(trajectory)
     )
-    gaps = (*_list_gaps(reference, found, until), *reference.notes)
+    gaps = (*_list_gaps(reference, trajectory, until), *reference.notes)
     if unknown and outcome.verdict == Verdict.PASSED and _find_listed_set(subject, setup) is None:
         return warned(
             f"Its parameters set {join_few_names(unknown)}, which the FMU does not have.", gaps=gaps
@@ -143,21 +143,23 @@ def _find_listed_set(subject: Subject, setup: ExperimentSetup) -> RelatedFile | 
 
 def _leave_fault_of_set(subject: Subject, file: RelatedFile, outcome: CheckOutcome) -> CheckOutcome:
     """Return the outcome of a failed experiment, which is not judged if its parameter set alone fails."""
-    if (alone := _guard(lambda: _judge_parameters(subject, file))).verdict != Verdict.FAILED:
+    if (outcome_of_set := _guard(lambda: _judge_parameters(subject, file))).verdict != Verdict.FAILED:
         return outcome
-    said = f"Its parameter set '{file.source}' has a fault (`related.parameters`): {alone.sentence}"
-    return skipped(said, gaps=(said,))
+    message = (
+        f"Its parameter set '{file.source}' has a fault (`related.parameters`): {outcome_of_set.sentence}"
+    )
+    return skipped(message, gaps=(message,))
 
 
-def _judge_outputs(found: OutputTrajectory) -> CheckOutcome:
-    wrong = ~np.isfinite(found.values)
+def _judge_outputs(trajectory: OutputTrajectory) -> CheckOutcome:
+    wrong = ~np.isfinite(trajectory.values)
     if wrong.any():
-        return failed(found.describe(wrong))
-    return passed(f"It ran to t = {found.times[-1]:.9g} s with finite outputs; it has no references.")
+        return failed(trajectory.describe(wrong))
+    return passed(f"It ran to t = {trajectory.times[-1]:.9g} s with finite outputs; it has no references.")
 
 
-def _list_gaps(reference: ReferenceSolution, found: OutputTrajectory, until: float) -> Iterator[str]:
-    end, step = float(found.times[-1]), reference.interval or reference.step or 0.0
+def _list_gaps(reference: ReferenceSolution, trajectory: OutputTrajectory, until: float) -> Iterator[str]:
+    end, step = float(trajectory.times[-1]), reference.interval or reference.step or 0.0
     if end < reference.stop - step - 1e-9 * abs(reference.stop):
         why = "time was up" if time.monotonic() >= until else "the FMU asked to end the run"
         yield f"It ended at t = {end:.9g} s, not at t = {reference.stop:.9g} s: {why}."
@@ -238,23 +240,23 @@ def parameters(subject: Subject) -> CheckOutcome:
     return _judge_each(subject, files, _judge_parameters, "parameter sets")
 
 
-_FEW = 5
+_STEPS = 5
 """Steps of a run with a parameter set or from a state."""
 
 
 def _judge_parameters(subject: Subject, file: RelatedFile) -> CheckOutcome:
-    path = _path(file)
+    path = _require_path(file)
     if not is_of_type(file, (SSV,), ".ssv"):
         raise NotRunError(f"It has the type {file.type}, which is not read.")
     values, unknown = read_parameter_values(subject, path)
     in_fresh_process(_run_with, subject, values)
     if unknown:
         return warned(f"It sets {join_few_names(unknown)}, which the FMU does not have.")
-    return passed(f"It sets {len(values)} variables; the FMU ran {_FEW} steps with them.")
+    return passed(f"It sets {len(values)} variables; the FMU ran {_STEPS} steps with them.")
 
 
 def _run_with(subject: Subject, values: dict[str, object]) -> None:
-    course, instance = make_experiment(subject, _FEW), HostedInstance(subject)
+    course, instance = make_experiment(subject, _STEPS), HostedInstance(subject)
     instance.initialize({**course.at(0), **values}, float(course.times[0]))
     for _ in walk(instance, course.times[:-1], course.step):
         pass
@@ -284,7 +286,7 @@ def states(subject: Subject) -> CheckOutcome:
 
 
 def _judge_state(subject: Subject, file: RelatedFile) -> CheckOutcome:
-    path = _path(file)
+    path = _require_path(file)
     if file.purpose not in ("", fmpy.platform, fmpy.platform_tuple):
         raise NotRunError(f"It is for {file.purpose}, and this machine is {fmpy.platform_tuple}.")
     if not subject.has_capability("canSerializeFMUstate"):
@@ -295,27 +297,27 @@ def _judge_state(subject: Subject, file: RelatedFile) -> CheckOutcome:
     if wrong.any():
         name = first.names[int(np.argmax(wrong))]
         return failed(f"{name} is not finite in a run from it.")
-    same = compare_runs(second, first, "A second run from it", ROUNDING)
-    if same.verdict != Verdict.PASSED:
-        return failed(same.sentence)
+    comparison = compare_runs(second, first, "A second run from it", ROUNDING)
+    if comparison.verdict != Verdict.PASSED:
+        return failed(comparison.sentence)
     if len(first.times) == 1:
-        said = "It was restored, but not continued: its time is not known."
-        return passed(said, gaps=(said,))
+        message = "It was restored, but not continued: its time is not known."
+        return passed(message, gaps=(message,))
     return passed(f"Two new instances continued the same from t = {first.times[0]:.9g} s.")
 
 
 def _continue(subject: Subject, data: bytes) -> OutputTrajectory:
     """Restore a state, and return the outputs from there on, at its time only if that is not known."""
-    instance, names = HostedInstance(subject), outputs(subject)
+    instance, names = HostedInstance(subject), list_outputs(subject)
     course = make_experiment(subject, 1)
     instance.initialize(course.at(0), float(course.times[0]))
     restore_bytes(instance, data)
     clock = [n for n, v in subject.variables.items() if v.causality == "independent"]
     times, rows = [float(instance.get(clock)[0]) if clock else np.nan], [instance.get(names)]
-    step = span(subject)[1]
+    step = read_span(subject)[1]
     # the mode in which a model was saved is not known, nor are the next ticks of clocks
     if np.isfinite(times[0]) and instance.kind == "CoSimulation" and not subject.has_clocks:
-        for _ in range(_FEW):
+        for _ in range(_STEPS):
             instance.step(times[-1], step)
             if instance.terminated:
                 break
@@ -328,7 +330,7 @@ def _continue(subject: Subject, data: bytes) -> OutputTrajectory:
 
 # ---- meta-data ----------------------------------------------------------------------------------
 
-_JUDGED = ("experiment", "parameter", "serialized-state", "result")
+_JUDGED_ROLES = ("experiment", "parameter", "serialized-state", "result")
 """Roles of files that other checks judge."""
 
 
@@ -349,14 +351,16 @@ def metadata(subject: Subject) -> CheckOutcome:
     if not listed:  # other checks need this one, so that they are skipped, too
         return skipped("The FMU lists no related files.")
     used = _list_used(subject)
-    others = [f for f in listed if f.role not in _JUDGED and f.path is not None and f.path not in used]
-    readable = [f for f in others if is_xml(f)]
+    other_files = [
+        f for f in listed if f.role not in _JUDGED_ROLES and f.path is not None and f.path not in used
+    ]
+    readable = [f for f in other_files if is_xml(f)]
     outcome = _judge_each(subject, readable, _judge_document, "meta-data")
     if outcome.verdict == Verdict.SKIPPED:
         outcome = passed(f"{len(listed)} related files are listed; no meta-data was read.", gaps=outcome.gaps)
-    left = [f"{f.role} '{f.source}'" for f in others if f not in readable]
-    gap = f"Related files with these roles were not read: {join_few_names(left)}."
-    return replace(outcome, blocks=False, gaps=(*outcome.gaps, *([gap] if left else [])))
+    unread = [f"{f.role} '{f.source}'" for f in other_files if f not in readable]
+    gap = f"Related files with these roles were not read: {join_few_names(unread)}."
+    return replace(outcome, blocks=False, gaps=(*outcome.gaps, *([gap] if unread else [])))
 
 
 def _judge_document(subject: Subject, file: RelatedFile) -> CheckOutcome:
@@ -375,7 +379,7 @@ def _list_used(subject: Subject) -> set[object]:
             setups = read_experiments(file.path, subject.folder)
         except CommandError:  # its check reports it
             continue
-        named = {key: data.path for setup in setups for key, data in setup.data.items()}
-        used.update(named.values())
-        results += [named["References"]] if named.get("References") is not None else []
+        paths = {key: data.path for setup in setups for key, data in setup.data.items()}
+        used.update(paths.values())
+        results += [paths["References"]] if paths.get("References") is not None else []
     return used.union(*(list_companions(r) for r in results if r is not None))

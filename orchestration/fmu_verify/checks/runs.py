@@ -6,14 +6,14 @@ import time
 import numpy as np
 
 from ..check import check
-from ..host.experiment import Experiment, limits_of, make_experiment, span
+from ..host.experiment import Experiment, make_experiment, read_limits, read_span
 from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import (
     OutputTrajectory,
     find_run,
     keep_run,
-    outputs,
+    list_outputs,
     run_alone,
     run_instance,
     step_instance,
@@ -66,7 +66,7 @@ def completes(subject: Subject) -> CheckOutcome:
     if instance.terminated:
         message = f"It asked to end the run after {steps_done} of {steps} steps of {course.step:g} s."
         return noted(message, figures={"steps": steps})
-    all_steps, gaps = span(subject)[2], tuple[str, ...]()
+    all_steps, gaps = read_span(subject)[2], tuple[str, ...]()
     if steps_done < steps:
         gaps = (
             f"Runs end after {steps_done} of {all_steps} steps: more of them take longer than {limit:g} s.",
@@ -116,7 +116,7 @@ _PART_OF_REST = 0.05
 def _go_on(instance: HostedInstance, course: Experiment) -> OutputTrajectory:
     """Step on with the last inputs to the end of the default experiment."""
     until = time.monotonic() + _PART_OF_REST * instance.subject.settings.seconds
-    (start, step, count), names = span(instance.subject), outputs(instance.subject)
+    (start, step, count), names = read_span(instance.subject), list_outputs(instance.subject)
     rows = list[list[float]]()
     for k in range(len(course.times) - 1, count):
         if instance.terminated or time.monotonic() > until:
@@ -167,7 +167,7 @@ def ranges(subject: Subject) -> CheckOutcome:
 
 def _describe_violation(subject: Subject, name: str, values: np.ndarray, trajectory: OutputTrajectory) -> str:
     variable = subject.variables[name]
-    low, high = limits_of(variable)
+    low, high = read_limits(variable)
     slack = _UNCERTAIN * max((abs(x) for x in (low, high) if math.isfinite(x)), default=0.0)
     wrong = (values < low - slack) | (values > high + slack)
     if not wrong.any():

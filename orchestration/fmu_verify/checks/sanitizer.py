@@ -67,7 +67,7 @@ def address(subject: Subject) -> CheckOutcome:
     run = run_sanitized(subject)
     if not run.has_address:
         return _missing(run, "AddressSanitizer")
-    problems = [Breach(fault.sentence, _CLAUSES.get(fault.kind, _OUTSIDE)) for fault in run.memory]
+    problems = [Breach(fault.sentence, _CLAUSES.get(fault.kind, _OUTSIDE)) for fault in run.memory_faults]
     return _judge(run, problems, "A build of the sources with AddressSanitizer reports nothing.")
 
 
@@ -82,7 +82,7 @@ def leaks(subject: Subject) -> CheckOutcome:
     run = run_sanitized(subject)
     if not run.has_address:
         return _missing(run, "LeakSanitizer")
-    if run.memory:
+    if run.memory_faults:
         return _ENDED
     if not run.judges_leaks and not run.leaks:
         reason = "The run with LeakSanitizer did not come to its end."
@@ -110,7 +110,7 @@ def undefined(subject: Subject) -> CheckOutcome:
     run = run_sanitized(subject)
     if run.missing:
         return _missing(run, "UndefinedBehaviorSanitizer")
-    if run.memory and not run.undefined:
+    if run.memory_faults and not run.undefined:
         return _ENDED
     return _judge(run, run.undefined, "A build of the sources with UBSan reports nothing.")
 

@@ -12,7 +12,7 @@ from ..verdict import CheckOutcome, Clause, Verdict, noted, passed
 from . import description, listed_dependencies, starts, structure, types, units, variables
 from ._clauses import IN_SCHEMA
 
-_SAY_IT_BETTER = (
+_PRECISE_CHECKS = (
     description.capabilities,
     types.types,
     units.defined,
@@ -42,20 +42,20 @@ _SAY_IT_BETTER = (
 )
 def semantics(subject: Subject) -> CheckOutcome:
     """Report problems that only FMPy's validator finds."""
-    if any(one.examine(subject).verdict != Verdict.PASSED for one in _SAY_IT_BETTER):
+    if any(check_.examine(subject).verdict != Verdict.PASSED for check_ in _PRECISE_CHECKS):
         return passed("Other checks report problems; FMPy would repeat them.")
     try:
-        read = subject.read_description()
+        description_ = subject.read_description()
     except MemoryError:
         raise
     except Exception as error:
         fault = find_attribute_fault(subject.path) or str(error)
         return noted(f"FMPy cannot read the model description: {shorten_sentence(fault).rstrip('.')}.")
     try:
-        found = validate_model_description(read, validate_model_structure=True)
+        lines_of_fmpy = validate_model_description(description_, validate_model_structure=True)
     except KeyError as error:  # of FMPy (0.3.32), for units that are not defined
         return noted(f"FMPy cannot validate the model description: {type(error).__name__} {error}.")
-    lines = tuple(shorten_sentence(f"FMPy reports: {line.strip().rstrip('.')}.") for line in found)
+    lines = tuple(shorten_sentence(f"FMPy reports: {line.strip().rstrip('.')}.") for line in lines_of_fmpy)
     if lines:
         return noted(lines[0], details=lines)
     return passed(f"FMPy {fmpy.__version__} reports no further problem.")

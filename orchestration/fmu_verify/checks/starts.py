@@ -61,21 +61,21 @@ _ITEM = Clause(
 def presence(subject: Subject) -> CheckOutcome:
     """Check that variables have a start value if and only if the standard requires one."""
     variables = [v for v in subject.declared.variables if v.possible and v.type != "Clock"]
-    problems = [p for v in variables for p in _misplaced(v)]
+    problems = [p for v in variables for p in _find_misplaced(v)]
     return judge_problems(
         problems, f"{sum(v.start is not None for v in variables)} variables have start values."
     )
 
 
-def _misplaced(variable: DeclaredVariable) -> Iterator[Problem]:
-    always = ("input", "parameter", "structuralParameter")
-    needed = variable.causality in always or variable.variability == "constant"
+def _find_misplaced(variable: DeclaredVariable) -> Iterator[Problem]:
+    causalities = ("input", "parameter", "structuralParameter")
+    is_required = variable.causality in causalities or variable.variability == "constant"
     if variable.causality == "independent":
         if variable.start is not None:
             yield Breach(f"{variable} is independent, but has a start value.", _FORBIDDEN)
-    elif needed or variable.initial in ("exact", "approx"):
+    elif is_required or variable.initial in ("exact", "approx"):
         if variable.start is None:
-            yield Breach(f"{variable} has no start value.", _ALWAYS_REQUIRED if needed else _REQUIRED)
+            yield Breach(f"{variable} has no start value.", _ALWAYS_REQUIRED if is_required else _REQUIRED)
     elif variable.start is not None:
         yield Breach(f"{variable} is calculated, but has a start value.", _FORBIDDEN)
 
@@ -92,8 +92,8 @@ def ranges(subject: Subject) -> CheckOutcome:
     declared = subject.declared
     numeric = [v for v in declared.variables if v.type in NUMERIC]
     items = {t.name: {int(item["value"]) for item in t.items} for t in declared.types}
-    problems = [p for v in numeric for p in _wrong(v, items)]
-    doubts = [p for v in numeric for p in _endless(v)]
+    problems = [p for v in numeric for p in _find_wrong_starts(v, items)]
+    doubts = [p for v in numeric for p in _find_infinite(v)]
     if subject.version == 3:  # which does not say that they must be
         doubts += [str(getattr(p, "message", p)) for p in problems if _is_left_open(p)]
         problems = [p for p in problems if not _is_left_open(p)]
@@ -107,36 +107,44 @@ def _is_left_open(problem: Problem) -> bool:
     return isinstance(problem, Breach) and problem.clause in (_FINITE, _NOMINAL)
 
 
-def _wrong(variable: DeclaredVariable, items: Mapping[str, set[int]]) -> Iterator[Problem]:
+def _find_wrong_starts(variable: DeclaredVariable, items: Mapping[str, set[int]]) -> Iterator[Problem]:
     """Yield what is wrong with each different start value."""
     starts = (variable.start or "").split() if variable.version == 3 else [variable.start]
     for start in dict.fromkeys(starts) or [None]:
-        given = {name: text for name, text in variable.attributes.items() if name != "start"}
-        yield from _wrong_start(variable, given if start is None else {**given, "start": start}, items)
+        attributes = {name: text for name, text in variable.attributes.items() if name != "start"}
+        yield from _judge_start(
+            variable, attributes if start is None else {**attributes, "start": start}, items
+        )
 
 
-def _wrong_start(
-    variable: DeclaredVariable, given: Mapping[str, str], items: Mapping[str, set[int]]
+def _judge_start(
+    variable: DeclaredVariable, attributes: Mapping[str, str], items: Mapping[str, set[int]]
 ) -> Iterator[Problem]:
-    values = {name: float(given[name]) for name in ("start", "min", "max", "nominal") if name in given}
+    values = {
+        name: float(attributes[name]) for name in ("start", "min", "max", "nominal") if name in attributes
+    }
     if not math.isfinite(values.get("start", 0.0)):
-        yield Breach(f"The start value of {variable} is {given['start']}, not a finite number.", _FINITE)
+        yield Breach(f"The start value of {variable} is {attributes['start']}, not a finite number.", _FINITE)
         return
     low, high = values.get("min", -math.inf), values.get("max", math.inf)
     start = values.get("start", low)
     if low > high:
         yield Breach(f"{variable} has the min {low:g}, which is above its max {high:g}.", _ORDERED)
     elif not low <= start <= high:
-        end = f"below its min {low:g}" if start < low else f"above its max {high:g}"
-        yield Breach(f"The start value {start:g} of {variable} is {end}.", _ORDERED)
-    elif variable.type == "Enumeration" and "start" in values and start not in items[given["declaredType"]]:
-        what = f"The start value {start:g} of {variable} is not an item of {given['declaredType']}."
-        yield Breach(what, _ITEM)
+        violation = f"below its min {low:g}" if start < low else f"above its max {high:g}"
+        yield Breach(f"The start value {start:g} of {variable} is {violation}.", _ORDERED)
+    elif (
+        variable.type == "Enumeration"
+        and "start" in values
+        and start not in items[attributes["declaredType"]]
+    ):
+        message = f"The start value {start:g} of {variable} is not an item of {attributes['declaredType']}."
+        yield Breach(message, _ITEM)
     if values.get("nominal", 1.0) <= 0.0:
         yield Breach(f"{variable} has the nominal {values['nominal']:g}; it must be positive.", _NOMINAL)
 
 
-def _endless(variable: DeclaredVariable) -> Iterator[str]:
+def _find_infinite(variable: DeclaredVariable) -> Iterator[str]:
     for name in ("min", "max", "nominal"):
         if not math.isfinite(float(variable.attributes.get(name, 0.0))):
             yield f"The {name} of {variable} is {variable.attributes[name]}; it should be a finite number."

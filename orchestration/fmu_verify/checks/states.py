@@ -48,7 +48,7 @@ def restored(subject: Subject) -> CheckOutcome:
     instance.initialize(course.at(0), float(course.times[0]))
     worst = None
     for first, last in zip(instants, [*instants[1:], steps], strict=True):
-        for outcome in _again(instance, course, first, last):
+        for outcome in _run_twice(instance, course, first, last):
             if outcome.verdict == Verdict.FAILED:
                 return outcome
             worst = outcome if outcome.verdict == Verdict.WARNING else worst
@@ -60,15 +60,17 @@ def restored(subject: Subject) -> CheckOutcome:
     )
 
 
-def _again(instance: HostedInstance, course: Experiment, first: int, last: int) -> list[CheckOutcome]:
+def _run_twice(instance: HostedInstance, course: Experiment, first: int, last: int) -> list[CheckOutcome]:
     state = instance.save_state()
-    wanted = step_instance(instance, course, first, last)
+    expected = step_instance(instance, course, first, last)
     outcomes = []
     for _ in range(2):
         instance.restore_state(state)
-        found = step_instance(instance, course, first, last)
+        actual = step_instance(instance, course, first, last)
         outcomes.append(
-            compare_runs(found, wanted, f"A run from the state of t = {course.times[first]:.9g} s", _ALLOWED)
+            compare_runs(
+                actual, expected, f"A run from the state of t = {course.times[first]:.9g} s", _ALLOWED
+            )
         )
     instance.free_state(state)
     return outcomes
@@ -84,18 +86,18 @@ _FREED = Clause(
         "provided argument FMUState.",
     ),
 )
-_SAVES = {True: 500, False: 5000}
+_MAX_SAVES = {True: 500, False: 5000}
 """How often a state is saved again before memory is measured: where the C library counts bytes, and where
 it does not."""
 
-_SAVING = 0.05
+_TIME_FRACTION = 0.05
 """Part of the time limit in which that ends: states can be large."""
 
-_GROWTH = 2.0**16, 2.0**12
+_MIN_GROWTH = 2.0**16, 2.0**12
 """Bytes by which the process must grow each time, counted by pages, which a few are no leak, and exactly."""
 
 
-def _grown_by_saving(instance: HostedInstance) -> float:
+def _measure_growth(instance: HostedInstance) -> float:
     """Return the bytes that each call leaves which saves a state again in its own memory; 0 for no leak."""
     if not can_read_memory():
         return 0.0
@@ -103,13 +105,13 @@ def _grown_by_saving(instance: HostedInstance) -> float:
     used, count = [], 0
     for _ in range(3):
         state, count = instance.save_state(), 0
-        for _ in take_in_time(range(_SAVES[counts]), _SAVING * instance.subject.settings.seconds):
+        for _ in take_in_time(range(_MAX_SAVES[counts]), _TIME_FRACTION * instance.subject.settings.seconds):
             instance.save_state_again(state)
             count += 1
         instance.free_state(state)
         used.append((read_memory(), read_allocated() or 0.0))
     growth = np.diff(used, axis=0).min(axis=0)  # what was freed the first time is used again
-    return float(np.where(growth > _GROWTH, growth, 0.0).max()) / count
+    return float(np.where(growth > _MIN_GROWTH, growth, 0.0).max()) / count
 
 
 @check(
@@ -133,7 +135,7 @@ def freed(subject: Subject) -> CheckOutcome:
     instance.free_state(state)
     if state.value is not None:
         return failed("fmi2FreeFMUstate leaves the pointer to the state that it freed.")
-    if grown := _grown_by_saving(instance):
+    if grown := _measure_growth(instance):
         return failed(
             f"The process grew by {grown:.0f} bytes with each call of fmi2GetFMUstate that was given an "
             "earlier state, although the state was freed then.",
@@ -167,20 +169,20 @@ def serialized(subject: Subject) -> CheckOutcome:
         return skipped("canSerializeFMUstate is not set.")
     course = make_experiment(subject)
     middle = (len(course.times) - 1) // 2
-    whole = run_alone(subject, course)
-    data = in_fresh_process(_bytes_at, subject, course, middle)
+    full_run = run_alone(subject, course)
+    data = in_fresh_process(_serialize_at, subject, course, middle)
     if isinstance(data, int):
         return failed(f"fmi2SerializedFMUstateSize returned {data} bytes, which is not a plausible size.")
-    if len(whole.times) <= middle + 1:
+    if len(full_run.times) <= middle + 1:
         return skipped("It asked to end the run before its state could be saved.")
-    found = in_fresh_process(_from_bytes, subject, course, middle, data)
-    wanted = OutputTrajectory(whole.times[middle:], whole.names, whole.values[middle:])
+    actual = in_fresh_process(_run_from_bytes, subject, course, middle, data)
+    expected = OutputTrajectory(full_run.times[middle:], full_run.names, full_run.values[middle:])
     outcome = compare_runs(
-        found, wanted, f"A run from the serialized state of t = {course.times[middle]:.9g} s", _ALLOWED
+        actual, expected, f"A run from the serialized state of t = {course.times[middle]:.9g} s", _ALLOWED
     )
     if outcome.verdict == Verdict.PASSED and (count := len(_find_addresses(data))):
         outcome = _judge_moved(subject, course, middle, data, count) or outcome
-    return outcome if outcome.verdict != Verdict.PASSED else _damaged(subject, data)
+    return outcome if outcome.verdict != Verdict.PASSED else _judge_damaged(subject, data)
 
 
 _WORD = 8
@@ -205,16 +207,18 @@ def _judge_moved(
     subject: Subject, course: Experiment, middle: int, data: bytes, count: int
 ) -> CheckOutcome | None:
     """Return what is wrong if a state's addresses are those of another process; None for nothing."""
-    moved = bytearray(data)
-    for place in _find_addresses(data):
-        word = int.from_bytes(moved[place : place + _WORD], "little") + _SHIFT
-        moved[place : place + _WORD] = word.to_bytes(_WORD, "little")
+    moved_data = bytearray(data)
+    for position in _find_addresses(data):
+        word = int.from_bytes(moved_data[position : position + _WORD], "little") + _SHIFT
+        moved_data[position : position + _WORD] = word.to_bytes(_WORD, "little")
     addresses = format_count(count, "address", "addresses")
-    said = f"The bytes of a state contain {addresses} of its process"
+    message = f"The bytes of a state contain {addresses} of its process"
     try:
-        in_fresh_process(_from_bytes, subject, course, middle, bytes(moved), timeout=subject.settings.seconds)
+        in_fresh_process(
+            _run_from_bytes, subject, course, middle, bytes(moved_data), timeout=subject.settings.seconds
+        )
     except EndedError as error:
-        return failed(f"{said}, used where they are restored: {error.call} ends another process.")
+        return failed(f"{message}, used where they are restored: {error.call} ends another process.")
     except CallError:  # it may know that the bytes were changed
         return None
     return None
@@ -230,7 +234,7 @@ def save_bytes(instance: HostedInstance) -> bytes | None:
     return data if isinstance(data, bytes) else None
 
 
-def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
+def _serialize_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
     """Return a state's bytes, or the reported size if it is not plausible."""
     instance = HostedInstance(subject)
     instance.initialize(course.at(0), float(course.times[0]))
@@ -243,7 +247,7 @@ def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
     return data
 
 
-def _from_bytes(subject: Subject, course: Experiment, middle: int, data: bytes) -> OutputTrajectory:
+def _run_from_bytes(subject: Subject, course: Experiment, middle: int, data: bytes) -> OutputTrajectory:
     instance = HostedInstance(subject)
     instance.initialize(course.at(0), float(course.times[0]))
     restore_bytes(instance, data)
@@ -257,18 +261,18 @@ def restore_bytes(instance: HostedInstance, data: bytes) -> None:
     instance.free_state(state)
 
 
-def _damaged(subject: Subject, data: bytes) -> CheckOutcome:
+def _judge_damaged(subject: Subject, data: bytes) -> CheckOutcome:
     """Check that truncated or changed bytes do not crash the FMU."""
     random = np.random.default_rng(1)
     cases = {"half of the bytes": data[: len(data) // 2], "one byte": data[:1]}
     for k in range(4):
-        spoiled = bytearray(data)
-        for place in random.integers(0, len(data), 1 + len(data) // 16):
-            spoiled[place] ^= int(random.integers(1, 256))
-        cases[f"damaged bytes ({k + 1})"] = bytes(spoiled)
+        damaged_data = bytearray(data)
+        for position in random.integers(0, len(data), 1 + len(data) // 16):
+            damaged_data[position] ^= int(random.integers(1, 256))
+        cases[f"damaged bytes ({k + 1})"] = bytes(damaged_data)
     try:
         for part in ([c] for c in cases.items()) if is_single_instance(subject) else (list(cases.items()),):
-            in_fresh_process(_take, subject, part, timeout=subject.settings.seconds)
+            in_fresh_process(_restore_damaged, subject, part, timeout=subject.settings.seconds)
     except EndedError as error:
         return noted(f"{error.call} ends the process ({error.how}).")  # the standard does not require more
     return passed(
@@ -276,7 +280,7 @@ def _damaged(subject: Subject, data: bytes) -> CheckOutcome:
     )
 
 
-def _take(subject: Subject, cases: list[tuple[str, bytes]]) -> None:
+def _restore_damaged(subject: Subject, cases: list[tuple[str, bytes]]) -> None:
     """Continue from each of these states until a call fails."""
     course = make_experiment(subject, 2)
     for name, data in cases:

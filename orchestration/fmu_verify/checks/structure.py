@@ -103,12 +103,12 @@ _INDICATORS = fmi3(
 def outputs(subject: Subject) -> CheckOutcome:
     """Check that ModelStructure/Outputs lists every output once, and nothing else."""
     declared = subject.declared
-    wanted = {v.index for v in declared.variables if v.causality == "output"}
+    expected = {v.index for v in declared.variables if v.causality == "output"}
     problems = [
         *_find_invalid(declared.outputs, declared, _OUTPUTS),
-        *_compare(declared.outputs, wanted, declared, _OUTPUTS),
+        *_compare_indices(declared.outputs, expected, declared, _OUTPUTS),
     ]
-    return judge_problems(problems, f"{len(wanted)} outputs are listed.")
+    return judge_problems(problems, f"{len(expected)} outputs are listed.")
 
 
 @check(
@@ -123,11 +123,11 @@ def derivatives(subject: Subject) -> CheckOutcome:
     declared = subject.declared
     listed = declared.derivatives
     problems = [
-        *_clocked_states(declared),
-        *_event_indicators(declared),
+        *_judge_clocked_states(declared),
+        *_judge_event_indicators(declared),
         *_find_invalid(listed, declared, _DERIVATIVES),
-        *_wrong_derivatives(declared),
-        *_misdirected(declared),
+        *_judge_derivatives(declared),
+        *_find_misdirected(declared),
     ]
     doubts = [
         Breach(f"{v} is the derivative of {of}, but {listed} lacks it.", _MISSING)
@@ -147,35 +147,39 @@ def find_unlisted(
     if "ModelExchange" not in subject.kinds and not listed:
         return
     for variable in declared.variables:
-        of = declared.variable(variable.derivative)
-        if of is None or variable.index in listed or of.index in states:
+        state = declared.variable(variable.derivative)
+        if state is None or variable.index in listed or state.index in states:
             continue
-        is_state = of.causality in _OF_STATES and of.initial == "exact" and of.variability == "continuous"
+        is_state = (
+            state.causality in _OF_STATES and state.initial == "exact" and state.variability == "continuous"
+        )
         if is_state and variable.causality != "input":
-            yield variable, of
+            yield variable, state
 
 
-def _wrong_derivatives(declared: Declarations) -> Iterator[Problem]:
+def _judge_derivatives(declared: Declarations) -> Iterator[Problem]:
     """Yield problems with the listed derivatives and their states."""
     listed = declared.derivatives
     for variable in listed.variables:
         state = declared.variable(variable.derivative)
         if variable.derivative is None:
-            what = f"{variable} is listed in {listed}, but has no attribute `derivative`."
-            yield Breach(what, _DEFINED_STATES)
+            message = f"{variable} is listed in {listed}, but has no attribute `derivative`."
+            yield Breach(message, _DEFINED_STATES)
         elif state and (state.causality not in _OF_STATES or state.variability != "continuous"):
-            has = f"The state {state} is {state.variability} and {state.causality}"
-            yield Breach(f"{has}; it must be continuous, and local or an output.", _STATES)
+            message_start = f"The state {state} is {state.variability} and {state.causality}"
+            yield Breach(f"{message_start}; it must be continuous, and local or an output.", _STATES)
         if variable.variability != "continuous" or not variable.is_real:
-            what = f"{variable} is a state derivative, but {variable.variability}, of type {variable.type}."
-            yield Breach(what, _CONTINUOUS)
-    once = {v.index: v.derivative for v in listed.variables if v.derivative is not None}
-    for index in find_repeated(once.values()):
-        what = f"More than one of {listed} is the derivative of {declared.variable(index) or index}."
-        yield Breach(what, _DEFINED_STATES)
+            message = (
+                f"{variable} is a state derivative, but {variable.variability}, of type {variable.type}."
+            )
+            yield Breach(message, _CONTINUOUS)
+    states_by_derivative = {v.index: v.derivative for v in listed.variables if v.derivative is not None}
+    for index in find_repeated(states_by_derivative.values()):
+        message = f"More than one of {listed} is the derivative of {declared.variable(index) or index}."
+        yield Breach(message, _DEFINED_STATES)
 
 
-def _clocked_states(declared: Declarations) -> Iterator[Problem]:
+def _judge_clocked_states(declared: Declarations) -> Iterator[Problem]:
     """Yield problems with ClockedState of FMI 3.0."""
     yield from _find_invalid(declared.clocked_states, declared, _CLOCKED)
     for variable in declared.clocked_states.variables:
@@ -187,7 +191,7 @@ def _clocked_states(declared: Declarations) -> Iterator[Problem]:
             yield Breach(f"{variable} is listed in ClockedState, but has no previous value.", _PREVIOUS)
 
 
-def _event_indicators(declared: Declarations) -> Iterator[Problem]:
+def _judge_event_indicators(declared: Declarations) -> Iterator[Problem]:
     """Yield problems with EventIndicator of FMI 3.0."""
     yield from _find_invalid(declared.event_indicators, declared, _INDICATORS)
     for variable in declared.event_indicators.variables:
@@ -195,23 +199,26 @@ def _event_indicators(declared: Declarations) -> Iterator[Problem]:
             kind = f"{variable.variability}, of type {variable.type}"
             yield Breach(f"{variable} is listed in EventIndicator, but is {kind}.", _INDICATORS)
         elif variable.causality not in _OF_STATES:
-            what = f"{variable} is listed in EventIndicator, but has the causality {variable.causality}."
-            yield Breach(what, _STATES)
+            message = f"{variable} is listed in EventIndicator, but has the causality {variable.causality}."
+            yield Breach(message, _STATES)
 
 
-def _misdirected(declared: Declarations) -> Iterator[Problem]:
+def _find_misdirected(declared: Declarations) -> Iterator[Problem]:
     """Yield derivatives of what is no other Real variable."""
     for variable in declared.variables:
         index = variable.derivative
         if index is None:
             continue
-        if (of := declared.variable(index)) is None:
-            what = f"{variable} is the derivative of {declared.describe_missing(index)}."
-            yield Breach(what, DERIVATIVE)
-        elif of is variable:
+        if (state := declared.variable(index)) is None:
+            message = f"{variable} is the derivative of {declared.describe_missing(index)}."
+            yield Breach(message, DERIVATIVE)
+        elif state is variable:
             yield Breach(f"{variable} is its own derivative.", DERIVATIVE)
-        elif not of.is_real:
-            yield Breach(f"{variable} is the derivative of {of}, which is of type {of.type}.", DERIVATIVE)
+        elif not state.is_real:
+            yield Breach(
+                f"{variable} is the derivative of {state}, which is of type {state.type}.",
+                DERIVATIVE,
+            )
 
 
 @check(
@@ -229,17 +236,17 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
     doubtful |= {
         v.index for pair in find_unlisted(declared, subject) for v in pair
     }  # reported as derivatives
-    wanted = list_initially_unknown(declared) - doubtful
+    expected = list_initially_unknown(declared) - doubtful
     problems: list[Problem] = [
         *_find_invalid(listed, declared, _INITIAL),
-        *_compare(listed, wanted, declared, _INITIAL, doubtful),
+        *_compare_indices(listed, expected, declared, _INITIAL, doubtful),
     ]
     swapped = [(a, b) for a, b in pairwise(listed.unknowns) if a.index > b.index]
     if not problems and declared.version == 2 and swapped:
         before, after = swapped[0]
-        what = f"InitialUnknowns has {after} after {before}, which has a greater index."
-        problems.append(Breach(what, _ORDER))
-    return judge_problems(problems, f"{len(wanted)} initial unknowns are listed, in order.")
+        message = f"InitialUnknowns has {after} after {before}, which has a greater index."
+        problems.append(Breach(message, _ORDER))
+    return judge_problems(problems, f"{len(expected)} initial unknowns are listed, in order.")
 
 
 def ignores_derivatives(subject: Subject) -> bool:
@@ -253,18 +260,21 @@ def list_ignored(subject: Subject) -> set[int]:
     declared = subject.declared
     if not ignores_derivatives(subject):
         return set()
-    found = declared.states().union(declared.derivatives.indices)
-    return {i for i in found if (v := declared.variable(i)) is not None and v.causality != "output"}
+    indices = declared.states().union(declared.derivatives.indices)
+    return {i for i in indices if (v := declared.variable(i)) is not None and v.causality != "output"}
 
 
 def list_initially_unknown(declared: Declarations) -> set[int]:
     """Return the indices of variables that initialization computes."""
-    either = declared.states().union(declared.derivatives.indices)
+    states_and_derivatives = declared.states().union(declared.derivatives.indices)
     return {
         v.index
         for v in declared.variables
         if v.causality == "calculatedParameter"
-        or ((v.causality == "output" or v.index in either) and v.initial in ("approx", "calculated"))
+        or (
+            (v.causality == "output" or v.index in states_and_derivatives)
+            and v.initial in ("approx", "calculated")
+        )
     }
 
 
@@ -276,19 +286,19 @@ def _find_invalid(listed: UnknownList, declared: Declarations, clause: Clause) -
         elif variable.type == "Clock" and variable.causality == "local":
             yield Breach(f"{listed} lists the local Clock {variable}.", _LOCAL_CLOCKS)
     for index in find_repeated(listed.indices):
-        what = f"{listed} lists {declared.variable(index) or index} more than once."
-        yield Breach(what, _NO_DUPLICATES if clause is _INITIAL else clause)
+        message = f"{listed} lists {declared.variable(index) or index} more than once."
+        yield Breach(message, _NO_DUPLICATES if clause is _INITIAL else clause)
 
 
-def _compare(
+def _compare_indices(
     listed: UnknownList,
-    wanted: set[int],
+    expected: set[int],
     declared: Declarations,
     clause: Clause,
     doubtful: Iterable[int] = (),
 ) -> Iterator[Problem]:
     """Yield wanted indices that are missing, and listed ones that are neither wanted nor doubtful."""
-    if missing := wanted.difference(listed.indices):
+    if missing := expected.difference(listed.indices):
         yield Breach(f"{listed} lacks {declared.names(missing)}.", clause)
-    if surplus := {v.index for v in listed.variables}.difference(wanted, doubtful):
+    if surplus := {v.index for v in listed.variables}.difference(expected, doubtful):
         yield Breach(f"{listed} lists {declared.names(surplus)}, which does not belong there.", clause)

@@ -81,26 +81,28 @@ def terminals(subject: Subject) -> CheckOutcome:
         return skipped(f"{TERMINALS} is for FMI {root.get('fmiVersion')}, not 3.0.")
     if problems := find_schema_problems(root, "fmi3TerminalsAndIcons.xsd"):
         return judge_problems(problems, "")
-    found: list[Problem] = []
-    version, wanted = root.get("fmiVersion"), subject.tree.get("fmiVersion")
-    if version != wanted and subject.version == 3:
-        found.append(Breach(f"The terminals have the fmiVersion {version}, not {wanted}.", _VERSION))
+    problems_of_terminals: list[Problem] = []
+    version, expected = root.get("fmiVersion"), subject.tree.get("fmiVersion")
+    if version != expected and subject.version == 3:
+        problems_of_terminals.append(
+            Breach(f"The terminals have the fmiVersion {version}, not {expected}.", _VERSION)
+        )
     names = {name for v in subject.declared.variables for name in (v.name, *v.aliases)}
     top = root.find("Terminals")
-    found += _wrong_level([] if top is None else top.findall("Terminal"), names)
-    found += _wrong_images(root, path.parent)
-    return judge_problems(found, f"{len(root.findall('.//Terminal'))} terminals are valid.")
+    problems_of_terminals += _judge_level([] if top is None else top.findall("Terminal"), names)
+    problems_of_terminals += _judge_images(root, path.parent)
+    return judge_problems(problems_of_terminals, f"{len(root.findall('.//Terminal'))} terminals are valid.")
 
 
-def _wrong_level(level: list[Any], names: set[str]) -> Iterator[Problem]:
+def _judge_level(level: list[Any], names: set[str]) -> Iterator[Problem]:
     for name in find_repeated(e.get("name") for e in level):
         yield Breach(f"More than one terminal has the name {name}.", _UNIQUE)
     for terminal in level:
         members = terminal.findall("TerminalMemberVariable")
         for member in members:
             if member.get("variableName") not in names:
-                what = f"{member.get('variableName')}, which is no variable"
-                yield Breach(f"The terminal {terminal.get('name')} has {what}.", _VARIABLE)
+                message = f"{member.get('variableName')}, which is no variable"
+                yield Breach(f"The terminal {terminal.get('name')} has {message}.", _VARIABLE)
         for member in terminal.findall("TerminalStreamMemberVariable"):
             for name in (member.get("inStreamVariableName"), member.get("outStreamVariableName")):
                 if name not in names:
@@ -108,15 +110,15 @@ def _wrong_level(level: list[Any], names: set[str]) -> Iterator[Problem]:
                         f"The terminal {terminal.get('name')} has {name}, which is no variable.", _STREAM
                     )
         if terminal.get("matchingRule") in ("plug", "bus"):
-            given = [m.get("memberName") for m in members]
-            if None in given:
+            member_names = [m.get("memberName") for m in members]
+            if None in member_names:
                 yield Breach(f"A member of the terminal {terminal.get('name')} has no memberName.", _MEMBER)
-            for name in find_repeated(n for n in given if n is not None):
+            for name in find_repeated(n for n in member_names if n is not None):
                 yield Breach(f"The terminal {terminal.get('name')} has the member {name} twice.", _MEMBER)
-        yield from _wrong_level(terminal.findall("Terminal"), names)
+        yield from _judge_level(terminal.findall("Terminal"), names)
 
 
-def _wrong_images(root: Any, folder: Path) -> Iterator[Problem]:
+def _judge_images(root: Any, folder: Path) -> Iterator[Problem]:
     """Yield images that are missing or not PNG. That of the FMU is optional."""
     icon = folder / "icon.png"
     if not icon.is_file() and (folder / "icon.svg").is_file():

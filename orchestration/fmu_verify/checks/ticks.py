@@ -12,7 +12,7 @@ from emla_cosim.fmu.clocks import PERIODIC, InputClock, belongs
 from emla_cosim.fmu.instance import FINE
 
 from ..check import check
-from ..host.experiment import make_experiment, span
+from ..host.experiment import make_experiment, read_span
 from ..host.hosted_instance import CallError, HostedInstance
 from ..messages import Breach, Problem, join_few_names, judge_problems, list_left_out
 from ..subject import Subject
@@ -56,31 +56,31 @@ _ALLOWED = fmi3(
 )
 def intervals(subject: Subject) -> CheckOutcome:
     """Compare what the FMU says about intervals and shifts of Clocks with modelDescription.xml."""
-    found = [c for c in subject.input_clocks if c.kind in PERIODIC and c.interval is not None]
-    if not found:
+    clocks = [c for c in subject.input_clocks if c.kind in PERIODIC and c.interval is not None]
+    if not clocks:
         return skipped("It has no Clock with a declared interval.")
-    instance, problems, said = HostedInstance(subject), list[Problem](), 0
-    instance.begin_initialization(span(subject)[0])
-    for clock in found:
+    instance, problems, answer_count = HostedInstance(subject), list[Problem](), 0
+    instance.begin_initialization(read_span(subject)[0])
+    for clock in clocks:
         clause = _CONSTANT if clock.kind == "constant" else _DECLARED
         answers = (
-            ("interval", clock.interval, _ask(instance, "fmi3GetIntervalDecimal", clock)),
-            ("shift", clock.shift, _ask(instance, "fmi3GetShiftDecimal", clock)),
+            ("interval", clock.interval, _query(instance, "fmi3GetIntervalDecimal", clock)),
+            ("shift", clock.shift, _query(instance, "fmi3GetShiftDecimal", clock)),
         )
-        for what, declared, answer in answers:
-            said += answer is not None
+        for name, declared, answer in answers:
+            answer_count += answer is not None
             if answer is not None and not math.isclose(answer, declared or 0.0, rel_tol=_SAME, abs_tol=1e-15):
-                text = f"The Clock {clock.name} has the {what} {answer:.9g} s; declared are {declared:.9g} s."
+                text = f"The Clock {clock.name} has the {name} {answer:.9g} s; declared are {declared:.9g} s."
                 problems.append(Breach(text, clause))
     instance.free()
-    if not said:
+    if not answer_count:
         return skipped("The FMU does not say the intervals of its Clocks, which are declared.")
     return judge_problems(
-        problems, f"{format_count(len(found), 'Clock has its', 'Clocks have their')} declared intervals."
+        problems, f"{format_count(len(clocks), 'Clock has its', 'Clocks have their')} declared intervals."
     )
 
 
-def _ask(instance: HostedInstance, function: str, clock: InputClock) -> float | None:
+def _query(instance: HostedInstance, function: str, clock: InputClock) -> float | None:
     """Return what a function says about a Clock, None if the FMU refuses the call."""
     number, reference = (c_double * 1)(), (c_uint * 1)(clock.reference)
     qualifier = ((c_int * 1)(),) if "Interval" in function else ()
@@ -102,11 +102,11 @@ def ticks(subject: Subject) -> CheckOutcome:
     An FMU must refuse such calls only if it detects them, so that it is a warning if it does not.
     """
     clocks = [clock.reference for clock in subject.input_clocks]
-    every = [v for v in subject.variables.values() if v.causality in ("output", "local")]
-    every = [v for v in every if v.type != "String" and belongs(v, clocks)]
-    if not every:
+    all_variables = [v for v in subject.variables.values() if v.causality in ("output", "local")]
+    all_variables = [v for v in all_variables if v.type != "String" and belongs(v, clocks)]
+    if not all_variables:
         return skipped("It has no clocked variables to read.")
-    variables = every[:_MOST]
+    variables = all_variables[:_MOST]
     instance, course = HostedInstance(subject), make_experiment(subject)
     instance.initialize(course.at(0), float(course.times[0]))
     assert instance.events is not None
@@ -117,10 +117,10 @@ def ticks(subject: Subject) -> CheckOutcome:
         instance.step(float(time), course.step)
         if instance.terminated or not readable:
             break
-        found = {str(v.name): value for v in readable for value in _read(instance, v)}
-        readable = [v for v in readable if v.name in found]
+        values = {str(v.name): value for v in readable for value in _read(instance, v)}
+        readable = [v for v in readable if v.name in values]
         if sum(instance.events.ticks.values()) == ticks:
-            for name, value in found.items():
+            for name, value in values.items():
                 was = before.get(name, value)
                 if value != was and not (math.isnan(value) and math.isnan(was)):
                     text = (
@@ -128,16 +128,16 @@ def ticks(subject: Subject) -> CheckOutcome:
                         f"t = {time + course.step:.9g} s, in which no Clock ticks."
                     )
                     changed.setdefault(name, text)
-        before = found
+        before = values
     instance.free()
-    gaps = list_left_out(len(variables), len(every), "clocked variables were read between ticks.")
+    gaps = list_left_out(len(variables), len(all_variables), "clocked variables were read between ticks.")
     if changed:
         return judge_problems([Breach(text, _ACTIVE) for text in changed.values()], "", gaps=gaps)
     if readable:
-        said = f"{join_few_names([str(v.name) for v in readable])} can be read while no Clock ticks."
-        return warned(said, clause=_ALLOWED, gaps=gaps)
-    said = format_count(len(variables), "clocked variable", "clocked variables")
-    return passed(f"{said} can be read only while a Clock ticks.", gaps=gaps)
+        message = f"{join_few_names([str(v.name) for v in readable])} can be read while no Clock ticks."
+        return warned(message, clause=_ALLOWED, gaps=gaps)
+    message = format_count(len(variables), "clocked variable", "clocked variables")
+    return passed(f"{message} can be read only while a Clock ticks.", gaps=gaps)
 
 
 def _read(instance: HostedInstance, variable: ModelVariable) -> Sequence[Any]:

@@ -14,7 +14,7 @@ from ..host.experiment import make_experiment
 from ..host.fresh_process import in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.junk import fill_memory
-from ..host.other_values import MOST, Values, items_of, others, settable
+from ..host.other_values import MOST, Values, list_items, list_other_values, list_settable
 from ..host.process_state import load_c_library
 from ..messages import judge_problems, list_left_out, shorten_sentence
 from ..subject import Subject
@@ -23,10 +23,10 @@ from ..verdict import CheckOutcome, Clause, fmi3, skipped
 from ._clauses import ENUMERATION
 
 _STEPS = 60
-_EVERY = 7
+_STEPS_PER_CHANGE = 7
 """Steps after which discrete inputs change, and after which the memory of Strings is looked at."""
 
-_PART = 0.5
+_TIME_FRACTION = 0.5
 """Part of the time limit for one run."""
 
 
@@ -60,49 +60,55 @@ def booleans(subject: Subject) -> CheckOutcome:
 )
 def enumerations(subject: Subject) -> CheckOutcome:
     """Check the Enumerations of a run."""
-    return _judge(subject, "Enumeration", lambda variable, value: value in items_of(variable))
+    return _judge(subject, "Enumeration", lambda variable, value: value in list_items(variable))
 
 
 def _judge(subject: Subject, kind: str, is_valid: Any) -> CheckOutcome:
-    every = [v for v in subject.description.modelVariables if v.type == kind]
-    if not every:
+    all_variables = [v for v in subject.description.modelVariables if v.type == kind]
+    if not all_variables:
         return skipped(f"It has no {kind}.")
-    variables = every[:MOST]
-    found, gaps = in_fresh_process(_distinct, subject, [v.name for v in variables])
+    variables = all_variables[:MOST]
+    times_by_value, gaps = in_fresh_process(_collect_values, subject, [v.name for v in variables])
     problems = [
         f"{v.name} is {value} at t = {time:.9g} s, which is not a value of its type."
         for v in variables
-        for value, time in found[v.name].items()
+        for value, time in times_by_value[v.name].items()
         if not is_valid(v, value)
     ]
     fine = f"{len(variables)} variables of type {kind} have values of their type."
-    return judge_problems(problems, fine, gaps=(*gaps, *_not_read(variables, every)))
+    return judge_problems(problems, fine, gaps=(*gaps, *_list_unread(variables, all_variables)))
 
 
-def _not_read(variables: Sequence[ModelVariable], every: Sequence[ModelVariable]) -> tuple[str, ...]:
-    return list_left_out(len(variables), len(every), f"variables of type {every[0].type} were read.")
+def _list_unread(
+    variables: Sequence[ModelVariable], all_variables: Sequence[ModelVariable]
+) -> tuple[str, ...]:
+    return list_left_out(
+        len(variables), len(all_variables), f"variables of type {all_variables[0].type} were read."
+    )
 
 
-def _distinct(subject: Subject, names: Sequence[str]) -> tuple[dict[str, dict[int, float]], tuple[str, ...]]:
+def _collect_values(
+    subject: Subject, names: Sequence[str]
+) -> tuple[dict[str, dict[int, float]], tuple[str, ...]]:
     """Return the values of each variable in runs, with the time of the first, and what the runs lack."""
-    found: dict[str, dict[int, float]] = {name: {} for name in names}
+    times_by_value: dict[str, dict[int, float]] = {name: {} for name in names}
     gaps = []
-    for parameters in _parameters(subject):
+    for parameters in _yield_parameters(subject):
         run = _VaryingRun(subject, parameters)
         with suppress(*([CallError] if parameters else [])):  # valid values, which the model need not bear
             for time, instance in run:
                 for name, value in zip(names, instance.get(names), strict=True):
-                    found[name].setdefault(int(value), time)
+                    times_by_value[name].setdefault(int(value), time)
         gaps += run.gaps
-    return found, tuple(dict.fromkeys(gaps))
+    return times_by_value, tuple(dict.fromkeys(gaps))
 
 
-def _parameters(subject: Subject) -> Iterator[Values]:
+def _yield_parameters(subject: Subject) -> Iterator[Values]:
     """Yield values of parameters for runs: none, then other ones of Booleans and Enumerations."""
     yield {}
     if not is_single_instance(subject):
-        found = (v for v in settable(subject, "parameter") if v.type in ("Boolean", "Enumeration"))
-        if changes := others(found):
+        parameters = (v for v in list_settable(subject, "parameter") if v.type in ("Boolean", "Enumeration"))
+        if changes := list_other_values(parameters):
             yield changes
 
 
@@ -113,17 +119,19 @@ class _VaryingRun:
     """
 
     def __init__(self, subject: Subject, parameters: Values | None = None) -> None:
-        self._subject, self._parameters = subject, parameters or {}
+        self._subject, self._yield_parameters = subject, parameters or {}
         self.gaps: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[tuple[float, HostedInstance]]:
         subject, course = self._subject, make_experiment(self._subject, _STEPS)
-        inputs = [v for v in settable(subject, "input") if v.type in ("Boolean", "Enumeration", "String")]
-        other, steps = others(inputs), len(course.times) - 1
+        inputs = [
+            v for v in list_settable(subject, "input") if v.type in ("Boolean", "Enumeration", "String")
+        ]
+        other_values, steps = list_other_values(inputs), len(course.times) - 1
         instance = HostedInstance(subject)
-        instance.initialize({**course.at(0), **self._parameters}, float(course.times[0]))
+        instance.initialize({**course.at(0), **self._yield_parameters}, float(course.times[0]))
         yield float(course.times[0]), instance
-        limit = _PART * subject.settings.seconds
+        limit = _TIME_FRACTION * subject.settings.seconds
         until = clock.monotonic() + limit  # a slow FMU is no fault
         for k in range(steps):
             if clock.monotonic() > until:
@@ -131,7 +139,7 @@ class _VaryingRun:
                     f"Values were read for {k} of {steps} steps: more take longer than {limit:g} s.",
                 )
                 return
-            changed = other if (k // _EVERY) % 2 else {}
+            changed = other_values if (k // _STEPS_PER_CHANGE) % 2 else {}
             try:
                 instance.set({**course.at(k), **changed})
                 instance.step(float(course.times[k]), course.step)
@@ -161,37 +169,37 @@ class _VaryingRun:
 )
 def strings(subject: Subject) -> CheckOutcome:
     """Check that Strings are not NULL, are UTF-8, and live until the next call."""
-    every = [v for v in subject.description.modelVariables if v.type == "String"]
-    if not every:
+    all_variables = [v for v in subject.description.modelVariables if v.type == "String"]
+    if not all_variables:
         return skipped("It has no String.")
-    variables = every[:MOST]
-    problems, gaps = in_fresh_process(_invalid, subject, variables)
+    variables = all_variables[:MOST]
+    problems, gaps = in_fresh_process(_find_invalid, subject, variables)
     fine = f"{len(variables)} Strings are valid."
-    return judge_problems(problems, fine, gaps=(*gaps, *_not_read(variables, every)))
+    return judge_problems(problems, fine, gaps=(*gaps, *_list_unread(variables, all_variables)))
 
 
-def _invalid(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list[str], tuple[str, ...]]:
+def _find_invalid(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list[str], tuple[str, ...]]:
     """Return what is wrong with Strings in a run, and what the run lacks."""
-    found: dict[str, str] = {}
+    messages: dict[str, str] = {}
     run = _VaryingRun(subject)
     with fill_memory():  # what is freed does not keep its content
         for k, (time, instance) in enumerate(run):
             for variable in variables:
-                if wrong := _problem(instance, variable, looks_at_memory=k % _EVERY == 0):
-                    found.setdefault(variable.name, f"{variable.name} {wrong} at t = {time:.9g} s.")
-            if not found and (name := _overwritten(instance, [v.name for v in variables])):
-                wrong = "has another value if all Strings are read in one call"
-                found[name] = f"{name} {wrong} at t = {time:.9g} s."
-    return list(found.values()), run.gaps
+                if problem := _describe_problem(instance, variable, checks_memory=k % _STEPS_PER_CHANGE == 0):
+                    messages.setdefault(variable.name, f"{variable.name} {problem} at t = {time:.9g} s.")
+            if not messages and (name := _find_overwritten(instance, [v.name for v in variables])):
+                problem = "has another value if all Strings are read in one call"
+                messages[name] = f"{name} {problem} at t = {time:.9g} s."
+    return list(messages.values()), run.gaps
 
 
-def _overwritten(instance: HostedInstance, names: Sequence[str]) -> str:
+def _find_overwritten(instance: HostedInstance, names: Sequence[str]) -> str:
     """Return the first String that differs if it is read with others; empty if there is none."""
     pairs = zip(names, instance.get_together(names), instance.get(names), strict=True)
-    return next((name for name, together, alone in pairs if together != alone), "")
+    return next((name for name, joint_value, single_value in pairs if joint_value != single_value), "")
 
 
-def _problem(instance: HostedInstance, variable: ModelVariable, looks_at_memory: bool) -> str:
+def _describe_problem(instance: HostedInstance, variable: ModelVariable, checks_memory: bool) -> str:
     """Return what is wrong with a String, or an empty text. To look where it is takes longest."""
     pointer = (ctypes.c_char_p * 1)()
     with instance.calling():
@@ -200,23 +208,23 @@ def _problem(instance: HostedInstance, variable: ModelVariable, looks_at_memory:
             instance.fmu.fmi3GetString(instance.fmu.component, reference, 1, pointer, 1)
         else:
             instance.fmu.fmi2GetString(instance.fmu.component, reference, 1, pointer)
-    place = ctypes.cast(pointer, ctypes.POINTER(ctypes.c_void_p))[0]
-    if place is None:
+    address = ctypes.cast(pointer, ctypes.POINTER(ctypes.c_void_p))[0]
+    if address is None:
         return "is a NULL pointer"
-    if looks_at_memory and _is_on_stack(place):
+    if checks_memory and _is_on_stack(address):
         return "is on the stack of a function that has returned"
     note(f"reading the String {variable.name} that fmi2GetString returned")
-    first = ctypes.string_at(place)
-    if looks_at_memory and _changes(place, first):
+    content = ctypes.string_at(address)
+    if checks_memory and _changes(address, content):
         return "changes although no function of the FMU is called: its memory is free"
     try:
-        first.decode()
+        content.decode()
     except UnicodeDecodeError:
-        return f"is not UTF-8, but {shorten_sentence(repr(first[:60]))},"
+        return f"is not UTF-8, but {shorten_sentence(repr(content[:60]))},"
     return ""
 
 
-def _is_on_stack(place: int) -> bool:
+def _is_on_stack(address: int) -> bool:
     try:
         lines = Path("/proc/self/maps").read_text().splitlines()
     except OSError:
@@ -224,11 +232,11 @@ def _is_on_stack(place: int) -> bool:
     for line in lines:
         if line.endswith("[stack]"):
             low, high = (int(end, 16) for end in line.split()[0].split("-"))
-            return low <= place < high
+            return low <= address < high
     return False
 
 
-def _changes(place: int, text: bytes) -> bool:
+def _changes(address: int, text: bytes) -> bool:
     """Return whether a text changes when small blocks of memory are taken, as by any host."""
     library = load_c_library()
     library.malloc.restype = ctypes.c_void_p
@@ -237,4 +245,4 @@ def _changes(place: int, text: bytes) -> bool:
         ctypes.memset(block, 0x5A, 8 + 16 * (k // 9))
     for block in blocks:
         library.free(ctypes.c_void_p(block))
-    return ctypes.string_at(place) != text
+    return ctypes.string_at(address) != text

@@ -41,38 +41,46 @@ _ITEMS = Clause(
 def types(subject: Subject) -> CheckOutcome:
     """Check that every declared type is defined once and matches the type of its variables."""
     declared = subject.declared
-    problems = [*_names(declared), *_uses(declared)]
+    problems = [*_judge_names(declared), *_judge_uses(declared)]
     problems += [
-        Breach(f"More than one item of the enumeration {one.name} has the {attribute} {twice}.", _ITEMS)
-        for one in declared.types
+        Breach(
+            f"More than one item of the enumeration {declared_type.name} has the {attribute} {repeated}.",
+            _ITEMS,
+        )
+        for declared_type in declared.types
         for attribute in ("name", "value")
-        for twice in find_repeated(item[attribute] for item in one.items)
+        for repeated in find_repeated(item[attribute] for item in declared_type.items)
     ]
     return judge_problems(problems, f"{len(declared.types)} types are defined and used correctly.")
 
 
-def _names(declared: Declarations) -> Iterator[Problem]:
+def _judge_names(declared: Declarations) -> Iterator[Problem]:
     variables = {v.name for v in declared.variables}
     for name in find_repeated(t.name for t in declared.types):
-        yield Breach(f"More than one {_word(declared)} has the name {name}.", _UNIQUE)
-    for one in declared.types:
-        if one.name in variables:
-            yield Breach(f"The {_word(declared)} {one.name} has the name of a variable.", _NO_VARIABLE)
+        yield Breach(f"More than one {_name_of_kind(declared)} has the name {name}.", _UNIQUE)
+    for declared_type in declared.types:
+        if declared_type.name in variables:
+            yield Breach(
+                f"The {_name_of_kind(declared)} {declared_type.name} has the name of a variable.",
+                _NO_VARIABLE,
+            )
 
 
-def _word(declared: Declarations) -> str:
+def _name_of_kind(declared: Declarations) -> str:
     return "type definition" if declared.version == 3 else "SimpleType"
 
 
-def _uses(declared: Declarations) -> Iterator[Problem]:
+def _judge_uses(declared: Declarations) -> Iterator[Problem]:
     by_name = {t.name: t for t in declared.types}
     for variable in declared.variables:
         name = variable.own.get("declaredType")
         if name is None:
             continue
         if name not in by_name:
-            yield Breach(f"{variable} is declared as {name}, which is not a {_word(declared)}.", _DEFINED)
+            yield Breach(
+                f"{variable} is declared as {name}, which is not a {_name_of_kind(declared)}.", _DEFINED
+            )
         elif by_name[name].type != variable.type:
-            other = by_name[name].type
-            what = f"{variable} is of type {variable.type}, but declared as {name}, which is {other}."
-            yield Breach(what, _DEFINED)
+            expected = by_name[name].type
+            message = f"{variable} is of type {variable.type}, but declared as {name}, which is {expected}."
+            yield Breach(message, _DEFINED)

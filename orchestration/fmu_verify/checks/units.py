@@ -112,17 +112,17 @@ def consistent(subject: Subject) -> CheckOutcome:
     The standard leaves names of units free, so that a name that contradicts them only warns.
     """
     units = subject.declared.units
-    problems = [Breach(p, _CONVERTED) for unit in units for p in _finite(unit)]
+    problems = [Breach(p, _CONVERTED) for unit in units for p in _find_infinite(unit)]
     problems += [
         Breach(f"{display['name']} (display of {unit.name}) is inverse, but has an offset.", _INVERSE)
         for unit in units
         for display in unit.display
-        if _is_inverse(display) and _number(display, "offset", 0.0) != 0.0
+        if _is_inverse(display) and _read_number(display, "offset", 0.0) != 0.0
     ]
-    doubts = [Breach(p, _CONVERTED) for u in units for p in _contradictions(u)]
-    known = sum(find_unit(u.name) is not None for u in units)
+    doubts = [Breach(p, _CONVERTED) for u in units for p in _find_contradictions(u)]
+    known_count = sum(find_unit(u.name) is not None for u in units)
     return judge_problems(
-        problems, f"{known} of {len(units)} units have well-known names; all of them match.", doubts
+        problems, f"{known_count} of {len(units)} units have well-known names; all of them match.", doubts
     )
 
 
@@ -131,29 +131,29 @@ def _is_inverse(display: Mapping[str, str]) -> bool:
     return display.get("inverse") in ("true", "1")
 
 
-def _finite(unit: DeclaredUnit) -> Iterator[str]:
-    every = [
+def _find_infinite(unit: DeclaredUnit) -> Iterator[str]:
+    names_and_attributes = [
         (unit.name, unit.base or {}),
         *((f"{d['name']} (display of {unit.name})", d) for d in unit.display),
     ]
-    for name, attributes in every:
-        factor, offset = _number(attributes, "factor", 1.0), _number(attributes, "offset", 0.0)
+    for name, attributes in names_and_attributes:
+        factor, offset = _read_number(attributes, "factor", 1.0), _read_number(attributes, "offset", 0.0)
         if not (math.isfinite(factor) and factor and math.isfinite(offset)):
             yield f"The unit {name} has the factor {factor:g} and the offset {offset:g}."
 
 
-def _contradictions(unit: DeclaredUnit) -> Iterator[str]:
+def _find_contradictions(unit: DeclaredUnit) -> Iterator[str]:
     """Yield what contradicts the names of a unit and of its display units."""
     base = unit.base
     defined = find_unit(unit.name)
     if base is not None:
-        factor, offset = _number(base, "factor", 1.0), _number(base, "offset", 0.0)
-        defined = SiUnit(unit.name, _exponents(base), factor, offset)
+        factor, offset = _read_number(base, "factor", 1.0), _read_number(base, "offset", 0.0)
+        defined = SiUnit(unit.name, _read_exponents(base), factor, offset)
         if (text := explain_contradiction(defined)) is not None:
             yield f"{text[0].upper()}{text[1:]}."
             return
     for display in unit.display:
-        factor, offset = _number(display, "factor", 1.0), _number(display, "offset", 0.0)
+        factor, offset = _read_number(display, "factor", 1.0), _read_number(display, "offset", 0.0)
         if defined is None or not factor or _is_inverse(display):
             continue
         text = explain_contradiction(define_display_unit(defined, display["name"], factor, offset))
@@ -178,7 +178,7 @@ def derivatives(subject: Subject) -> CheckOutcome:
         pairs = []  # derivatives by something other than time
     problems, doubts = [], []
     for variable, of in pairs:
-        exponents, factors = _agree(declared, variable, of)
+        exponents, factors = _compare_units(declared, variable, of)
         if not (exponents and factors):
             line = f"{variable} is in {variable.unit}, but is the derivative of {of}, which is in {of.unit}."
             (doubts if exponents else problems).append(line)
@@ -186,21 +186,23 @@ def derivatives(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, fine, doubts)
 
 
-def _agree(declared: Declarations, derivative: DeclaredVariable, of: DeclaredVariable) -> tuple[bool, bool]:
+def _compare_units(
+    declared: Declarations, derivative: DeclaredVariable, of: DeclaredVariable
+) -> tuple[bool, bool]:
     """Return whether exponents and whether factors of their units agree; True if one is unknown."""
     bases = [u.base for v in (of, derivative) if (u := declared.unit_of(v))]
     if len(bases) < 2 or bases[0] is None or bases[1] is None:
         return True, True
-    expected, found = _exponents(bases[0], per_second=True), _exponents(bases[1])
-    one, other = (_number(base, "factor", 1.0) for base in (bases[0], bases[1]))
-    return expected[:_RAD] == found[:_RAD], is_same_factor(one, other)
+    expected, actual = _read_exponents(bases[0], per_second=True), _read_exponents(bases[1])
+    factor, derivative_factor = (_read_number(base, "factor", 1.0) for base in (bases[0], bases[1]))
+    return expected[:_RAD] == actual[:_RAD], is_same_factor(factor, derivative_factor)
 
 
-def _exponents(base: Mapping[str, str], per_second: bool = False) -> tuple[int, ...]:
-    found = [int(base.get(one, 0)) for one in BASE_UNITS]
-    found[BASE_UNITS.index("s")] -= per_second
-    return tuple(found)
+def _read_exponents(base: Mapping[str, str], per_second: bool = False) -> tuple[int, ...]:
+    exponents = [int(base.get(name, 0)) for name in BASE_UNITS]
+    exponents[BASE_UNITS.index("s")] -= per_second
+    return tuple(exponents)
 
 
-def _number(attributes: Mapping[str, str], name: str, otherwise: float) -> float:
+def _read_number(attributes: Mapping[str, str], name: str, otherwise: float) -> float:
     return float(attributes.get(name, otherwise))

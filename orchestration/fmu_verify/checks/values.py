@@ -4,19 +4,19 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..check import check
-from ..host.experiment import span
+from ..host.experiment import read_span
 from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import HostedInstance
 from ..host.other_values import (
     MOST,
     Values,
-    differences,
-    others,
-    same,
-    settable,
-    show,
-    start_of,
-    where_accepted,
+    are_same,
+    format_value,
+    list_differences,
+    list_other_values,
+    list_settable,
+    read_start,
+    run_where_accepted,
 )
 from ..messages import Breach, judge_problems, list_left_out
 from ..subject import Subject
@@ -30,10 +30,10 @@ _EXACT = Clause(
     "Enumeration).",
     in_3=fmi3("2.4.7.5", "exact: The variable is initialized with the start value by the FMU."),
 )
-_TINY = 1e-6
+_MAX_SHIFT_OF_ZERO = 1e-6
 
-_REFUSED = "It refuses other valid values of its parameters and inputs, or does not return with them."
-_NOTHING = "It has no parameter and no input with another valid value."
+_VALUES_REFUSED = "It refuses other valid values of its parameters and inputs, or does not return with them."
+_NO_OTHER_VALUES = "It has no parameter and no input with another valid value."
 
 
 @check(
@@ -51,38 +51,41 @@ _NOTHING = "It has no parameter and no input with another valid value."
 )
 def starts(subject: Subject) -> CheckOutcome:
     """Compare values after an initialization in which nothing is set with modelDescription.xml."""
-    firm = settable(subject, "parameter", "input", most=None)
-    names = {v.name for v in firm}
-    loose = [v for v in subject.description.modelVariables if v.name not in names and v.start is not None]
-    loose = [v for v in loose if v.initial == "exact" or v.variability == "constant"]
-    every = [*firm, *loose]
-    variables = every[:MOST]
-    found = in_fresh_process(_read_after_start, subject, [v.name for v in variables])
-    wrong = {
-        v.name: f"{v.name} is {show(found[v.name])} after initialization; its start value is {show(start)}."
+    settable_variables = list_settable(subject, "parameter", "input", most=None)
+    names = {v.name for v in settable_variables}
+    further_variables = [
+        v for v in subject.description.modelVariables if v.name not in names and v.start is not None
+    ]
+    further_variables = [v for v in further_variables if v.initial == "exact" or v.variability == "constant"]
+    all_variables = [*settable_variables, *further_variables]
+    variables = all_variables[:MOST]
+    values = in_fresh_process(_read_after_start, subject, [v.name for v in variables])
+    messages = {
+        v.name: f"{v.name} is {format_value(values[v.name])} after initialization; "
+        f"its start value is {format_value(start)}."
         for v in variables
-        if (start := start_of(v)) is not None and not same(found[v.name], start)
+        if (start := read_start(v)) is not None and not are_same(values[v.name], start)
     }
-    certain = names | {v.name for v in loose if v.variability == "constant"}
-    certain -= {name for name in found if _is_bound(start_of(subject.variables[name]), found[name])}
+    certain = names | {v.name for v in further_variables if v.variability == "constant"}
+    certain -= {name for name in values if _is_bound(read_start(subject.variables[name]), values[name])}
     # events of the initialization may change the others
     return judge_problems(
-        [text for name, text in wrong.items() if name in certain],
+        [text for name, text in messages.items() if name in certain],
         f"{len(variables)} variables have their start values.",
-        [Breach(text, _EXACT) for name, text in wrong.items() if name not in certain],
-        list_left_out(len(variables), len(every), "variables were compared with their start values."),
+        [Breach(text, _EXACT) for name, text in messages.items() if name not in certain],
+        list_left_out(len(variables), len(all_variables), "variables were compared with their start values."),
     )
 
 
 def _is_bound(start: Any, value: Any) -> bool:
     """Return whether a start value of 0 became a tiny one, as FMUs do that divide by it."""
-    return isinstance(value, float) and start == 0.0 and 0.0 < abs(value) < _TINY
+    return isinstance(value, float) and start == 0.0 and 0.0 < abs(value) < _MAX_SHIFT_OF_ZERO
 
 
 def _read_after_start(subject: Subject, names: Sequence[str], changes: Values | None = None) -> Values:
     """Return values after an initialization in which others are set, or none."""
     instance = HostedInstance(subject)
-    instance.initialize(changes, span(subject)[0])
+    instance.initialize(changes, read_span(subject)[0])
     return read_values(instance, names)
 
 
@@ -106,32 +109,33 @@ def read_values(instance: HostedInstance, names: Sequence[str]) -> Values:
 )
 def kept(subject: Subject) -> CheckOutcome:
     """Check that parameters and inputs have the values that were set, after initialization."""
-    changes = others(settable(subject, "parameter", "input"))
+    changes = list_other_values(list_settable(subject, "parameter", "input"))
     if not changes:
-        return skipped(_NOTHING)
-    answers = where_accepted(lambda s, part: _read_after_start(s, list(part), part), subject, changes)
+        return skipped(_NO_OTHER_VALUES)
+    answers = run_where_accepted(lambda s, part: _read_after_start(s, list(part), part), subject, changes)
     if not answers:
-        return skipped(_REFUSED)
-    lost = {
-        name: f"{name} is {show(found[name])} after it was set to {show(changes[name])} without an error."
-        for found in answers
-        for name in differences(found, changes, found)
+        return skipped(_VALUES_REFUSED)
+    messages = {
+        name: f"{name} is {format_value(values[name])} after it was set to "
+        f"{format_value(changes[name])} without an error."
+        for values in answers
+        for name in list_differences(values, changes, values)
     }
-    inputs = {name for name in lost if subject.variables[name].causality == "input"}
+    inputs = {name for name in messages if subject.variables[name].causality == "input"}
     count = sum(map(len, answers))
     return judge_problems(
-        [text for name, text in lost.items() if name not in inputs],
+        [text for name, text in messages.items() if name not in inputs],
         f"{count} parameters and inputs have the values that were set.",
         # an FMU may take them over when a step begins
-        [text for name, text in lost.items() if name in inputs],
-        _not_judged(subject, count),
+        [text for name, text in messages.items() if name in inputs],
+        _list_unjudged(subject, count),
     )
 
 
-def _not_judged(subject: Subject, count: int, tunable: bool = False) -> tuple[str, ...]:
+def _list_unjudged(subject: Subject, count: int, tunable: bool = False) -> tuple[str, ...]:
     """Return a gap if not all parameters and inputs were judged: the FMU refuses values, or has many."""
-    every = others(settable(subject, "parameter", "input", tunable=tunable, most=None))
-    return list_left_out(count, len(every), "parameters and inputs were judged with other values.")
+    all_values = list_other_values(list_settable(subject, "parameter", "input", tunable=tunable, most=None))
+    return list_left_out(count, len(all_values), "parameters and inputs were judged with other values.")
 
 
 @check(
@@ -144,40 +148,43 @@ def _not_judged(subject: Subject, count: int, tunable: bool = False) -> tuple[st
 )
 def reset(subject: Subject) -> CheckOutcome:
     """Compare parameters and inputs after other values and fmi2Reset with those of a new instance."""
-    return judge_unchanged(subject, _after_reset, "after fmi2Reset")
+    return judge_unchanged(subject, _read_after_reset, "after fmi2Reset")
 
 
-def _after_reset(subject: Subject, changes: Values) -> tuple[Values, Values]:
+def _read_after_reset(subject: Subject, changes: Values) -> tuple[Values, Values]:
     """Return the values that were taken, and those after a reset."""
-    (start, step, _), names = span(subject), list(changes)
+    (start, step, _), names = read_span(subject), list(changes)
     instance = HostedInstance(subject)
     instance.initialize(changes, start)
-    taken = read_values(instance, names)
+    accepted = read_values(instance, names)
     instance.step(start, step)
     instance.reset()
     instance.initialize(None, start)
-    return taken, read_values(instance, names)
+    return accepted, read_values(instance, names)
 
 
-def judge_unchanged(subject: Subject, do: Any, when: str) -> CheckOutcome:
+def judge_unchanged(subject: Subject, read_values_after: Any, when: str) -> CheckOutcome:
     """Judge values that should be those of a new instance, for the changes that were taken."""
-    changes = others(settable(subject, "parameter", "input"))
+    changes = list_other_values(list_settable(subject, "parameter", "input"))
     if not changes:
-        return skipped(_NOTHING)
-    answers = where_accepted(do, subject, changes)
+        return skipped(_NO_OTHER_VALUES)
+    answers = run_where_accepted(read_values_after, subject, changes)
     if not answers:
-        return skipped(_REFUSED)
+        return skipped(_VALUES_REFUSED)
     fresh = in_fresh_process(_read_after_start, subject, list(changes))
     problems, count = [], 0
-    for taken, found in answers:
-        judged = [n for n in taken if same(taken[n], changes[n]) or not same(found[n], fresh[n])]
-        count += len(judged)
+    for accepted, values in answers:
+        names = [
+            n for n in accepted if are_same(accepted[n], changes[n]) or not are_same(values[n], fresh[n])
+        ]
+        count += len(names)
         problems += [
-            f"{name} is {show(found[name])} {when}; in a new instance it is {show(fresh[name])}."
-            for name in differences(found, fresh, judged)
+            f"{name} is {format_value(values[name])} {when}; "
+            f"in a new instance it is {format_value(fresh[name])}."
+            for name in list_differences(values, fresh, names)
         ]
     fine = f"{count} parameters and inputs have the values of a new instance {when}."
-    return judge_problems(problems, fine, gaps=_not_judged(subject, count))
+    return judge_problems(problems, fine, gaps=_list_unjudged(subject, count))
 
 
 @check(
@@ -201,58 +208,61 @@ def judge_unchanged(subject: Subject, do: Any, when: str) -> CheckOutcome:
 )
 def state(subject: Subject) -> CheckOutcome:
     """Check that restoring a state restores values that were changed after it was saved."""
-    changes = others(v for v in settable(subject, "parameter", "input", tunable=True) if not v.clocks)
-    if lost := _lost_parameters(subject):
-        return judge_problems(lost, "")
+    changes = list_other_values(
+        v for v in list_settable(subject, "parameter", "input", tunable=True) if not v.clocks
+    )
+    if messages := _find_lost_parameters(subject):
+        return judge_problems(messages, "")
     if not changes and subject.has_clocks:
         return skipped("Its inputs and tunable parameters cannot be read outside of ticks.")
     if not changes:
         return skipped("It has no tunable parameter and no input with another valid value.")
-    answers = where_accepted(_after_restoring, subject, changes)
+    answers = run_where_accepted(_read_after_restoring, subject, changes)
     if not answers:
-        return skipped(_REFUSED)
-    problems, count, moved = [], 0, 0
+        return skipped(_VALUES_REFUSED)
+    problems, count, judged_changes = [], 0, 0
     for before, changed, restored, data in answers:
-        judged = differences(changed, before, before)
-        settled = [n for n in judged if n in changes]
-        count, moved = count + len(judged), moved + len(settled)
-        problems += _list_lost(restored, before, judged, "after fmi2SetFMUstate")
+        names = list_differences(changed, before, before)
+        changed_names = [n for n in names if n in changes]
+        count, judged_changes = count + len(names), judged_changes + len(changed_names)
+        problems += _list_lost(restored, before, names, "after fmi2SetFMUstate")
         if data is not None and not problems:
-            other = in_fresh_process(_from_bytes, subject, data, settled)
-            problems += _list_lost(other, changed, settled, "from a serialized state")
-    gaps = () if subject.has_clocks else _not_judged(subject, moved, tunable=True)
+            deserialized = in_fresh_process(_read_from_bytes, subject, data, changed_names)
+            problems += _list_lost(deserialized, changed, changed_names, "from a serialized state")
+    gaps = () if subject.has_clocks else _list_unjudged(subject, judged_changes, tunable=True)
     return judge_problems(
         problems, f"{count} values that were changed were restored with a state.", gaps=gaps
     )
 
 
-def _lost_parameters(subject: Subject) -> list[str]:
+def _find_lost_parameters(subject: Subject) -> list[str]:
     """Return what is wrong with fixed parameters in a state that is restored after a reset."""
-    changes = others(v for v in settable(subject, "parameter") if v.variability != "tunable")
+    changes = list_other_values(v for v in list_settable(subject, "parameter") if v.variability != "tunable")
     if not changes or not subject.has_capability("canGetAndSetFMUstate"):
         return []
     problems = []
-    for before, restored, data in where_accepted(_after_reset_and_restoring, subject, changes):
-        taken = [name for name in before if same(before[name], changes[name])]
-        lost = _list_lost(restored, before, taken, "after fmi2Reset and fmi2SetFMUstate")
-        if data is not None and not lost:
-            other = in_fresh_process(_from_bytes, subject, data, taken)
-            lost = _list_lost(other, before, taken, "from a serialized state")
-        problems += lost
+    for before, restored, data in run_where_accepted(_read_after_reset_and_restoring, subject, changes):
+        accepted = [name for name in before if are_same(before[name], changes[name])]
+        messages = _list_lost(restored, before, accepted, "after fmi2Reset and fmi2SetFMUstate")
+        if data is not None and not messages:
+            deserialized = in_fresh_process(_read_from_bytes, subject, data, accepted)
+            messages = _list_lost(deserialized, before, accepted, "from a serialized state")
+        problems += messages
     return problems
 
 
-def _list_lost(found: Values, saved: Values, names: Sequence[str], how: str) -> list[str]:
+def _list_lost(values: Values, saved: Values, names: Sequence[str], how: str) -> list[str]:
     """Return a message for each value that is not the one that was saved."""
     return [
-        f"{name} is {show(found[name])} {how}; it was {show(saved[name])} when the state was saved."
-        for name in differences(found, saved, names)
+        f"{name} is {format_value(values[name])} {how}; "
+        f"it was {format_value(saved[name])} when the state was saved."
+        for name in list_differences(values, saved, names)
     ]
 
 
-def _after_reset_and_restoring(subject: Subject, changes: Values) -> tuple[Values, Values, bytes | None]:
+def _read_after_reset_and_restoring(subject: Subject, changes: Values) -> tuple[Values, Values, bytes | None]:
     """Return parameters when a state is saved, and when it is restored after a reset; and the state."""
-    start, step, _ = span(subject)
+    start, step, _ = read_span(subject)
     instance = HostedInstance(subject)
     instance.initialize(changes, start)
     instance.step(start, step)
@@ -263,11 +273,11 @@ def _after_reset_and_restoring(subject: Subject, changes: Values) -> tuple[Value
     return before, read_values(instance, list(changes)), data
 
 
-def _after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values, Values, bytes | None]:
+def _read_after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values, Values, bytes | None]:
     """Return values when a state is saved, after changes, after it is restored; and the changed state."""
-    start, step, _ = span(subject)
-    found = subject.description.modelVariables
-    outputs = [v.name for v in found if v.causality == "output" and not v.clocks][:MOST]
+    start, step, _ = read_span(subject)
+    variables = subject.description.modelVariables
+    outputs = [v.name for v in variables if v.causality == "output" and not v.clocks][:MOST]
     names = list(dict.fromkeys([*changes, *outputs]))
     instance = HostedInstance(subject)
     instance.initialize(None, start)
@@ -281,8 +291,8 @@ def _after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values,
     return before, changed, read_values(instance, names), data
 
 
-def _from_bytes(subject: Subject, data: bytes, names: Sequence[str]) -> Values:
+def _read_from_bytes(subject: Subject, data: bytes, names: Sequence[str]) -> Values:
     instance = HostedInstance(subject)
-    instance.initialize(None, span(subject)[0])
+    instance.initialize(None, read_span(subject)[0])
     restore_bytes(instance, data)
     return read_values(instance, names)

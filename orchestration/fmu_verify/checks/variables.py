@@ -101,18 +101,18 @@ _SAME_UNIT = Clause(
 )
 def names(subject: Subject) -> CheckOutcome:
     """Check that names are unique, and structured if the FMU declares it."""
-    found = [name for v in subject.declared.variables for name in (v.name, *v.aliases)]
+    all_names = [name for v in subject.declared.variables for name in (v.name, *v.aliases)]
     problems: list[Problem] = [
-        f"More than one variable has the name {name}." for name in find_repeated(found)
+        f"More than one variable has the name {name}." for name in find_repeated(all_names)
     ]
-    problems += [f"Variable {i} has no name." for i, name in enumerate(found, start=1) if not name]
+    problems += [f"Variable {i} has no name." for i, name in enumerate(all_names, start=1) if not name]
     if subject.tree.get("variableNamingConvention") == "structured":
         problems += [
             Breach(f"{name} is not a structured name.", _GRAMMAR)
-            for name in found
+            for name in all_names
             if name and not _STRUCTURED.fullmatch(name)
         ]
-    return judge_problems(problems, f"{len(found)} variables have unique names.")
+    return judge_problems(problems, f"{len(all_names)} variables have unique names.")
 
 
 @check(
@@ -132,35 +132,35 @@ def names(subject: Subject) -> CheckOutcome:
 def attributes(subject: Subject) -> CheckOutcome:
     """Check that causality, variability, initial and type of every variable are compatible."""
     declared = subject.declared
-    problems: list[Problem] = [p for v in declared.variables for p in _impossible(v)]
+    problems: list[Problem] = [p for v in declared.variables for p in _find_impossible(v)]
     independent = [v.name for v in declared.variables if v.causality == "independent"]
     if len(independent) > 1:
-        both = f"Both {independent[0]} and {independent[1]} are independent."
-        problems.append(Breach(both, _ONE_INDEPENDENT))
+        message = f"Both {independent[0]} and {independent[1]} are independent."
+        problems.append(Breach(message, _ONE_INDEPENDENT))
     if "ModelExchange" in subject.kinds:
-        problems += _reinitialized(declared)
+        problems += _find_reinitialized(declared)
     if declared.version == 3 or "ModelExchange" in subject.kinds:
-        problems += _set_once(declared)
+        problems += _find_set_once(declared)
     if declared.version == 3:
-        problems += _of_version_3(declared, independent)
+        problems += _judge_version_3(declared, independent)
     elif "ModelExchange" not in subject.kinds:
-        problems += [p for v in declared.variables for p in _exchanged(v)]
+        problems += [p for v in declared.variables for p in _find_model_exchange_attributes(v)]
     return judge_problems(problems, f"{len(declared.variables)} variables have compatible attributes.")
 
 
-def _impossible(variable: DeclaredVariable) -> Iterator[Problem]:
-    what = f"{variable} is {variable.variability} and {_article(variable.causality)}"
+def _find_impossible(variable: DeclaredVariable) -> Iterator[Problem]:
+    message = f"{variable} is {variable.variability} and {_add_article(variable.causality)}"
     if variable.initials is None:
-        yield f"{what}, which the standard does not allow."
+        yield f"{message}, which the standard does not allow."
     elif not variable.possible:
-        yield Breach(f"{what}; its initial cannot be {variable.given_initial}.", _INITIAL)
+        yield Breach(f"{message}; its initial cannot be {variable.given_initial}.", _INITIAL)
     if variable.variability == "continuous" and not variable.is_real:
         only = "Float32 and Float64" if variable.version == 3 else "a Real"
-        what = f"{variable} is continuous, but of type {variable.type}; only {only} can be."
-        yield Breach(what, _CONTINUOUS)
+        message = f"{variable} is continuous, but of type {variable.type}; only {only} can be."
+        yield Breach(message, _CONTINUOUS)
 
 
-def _of_version_3(declared: Declarations, independent: Sequence[str]) -> Iterator[Problem]:
+def _judge_version_3(declared: Declarations, independent: Sequence[str]) -> Iterator[Problem]:
     """Yield problems with attributes that only FMI 3.0 has or restricts."""
     if not independent:
         yield Breach("No variable is independent.", _ONE_INDEPENDENT)
@@ -171,15 +171,15 @@ def _of_version_3(declared: Declarations, independent: Sequence[str]) -> Iterato
             yield Breach(f"{variable} has intermediateUpdate, but is {variable.variability}.", _INTERMEDIATE)
 
 
-def _set_once(declared: Declarations) -> Iterator[Problem]:
+def _find_set_once(declared: Declarations) -> Iterator[Problem]:
     """Yield variables that can be set only once at a time, but are not inputs."""
     for variable in declared.variables:
         if variable.multiple_sets in ("false", "0") and variable.causality != "input":
-            what = f"{variable} has canHandleMultipleSetPerTimeInstant = false, but is"
-            yield Breach(f"{what} {_article(variable.causality)}.", _MULTIPLE_SETS)
+            message = f"{variable} has canHandleMultipleSetPerTimeInstant = false, but is"
+            yield Breach(f"{message} {_add_article(variable.causality)}.", _MULTIPLE_SETS)
 
 
-def _reinitialized(declared: Declarations) -> Iterator[Problem]:
+def _find_reinitialized(declared: Declarations) -> Iterator[Problem]:
     """Yield variables with the attribute reinit that are neither states nor aliases of states."""
     states = {v.value_key for i in declared.states() if (v := declared.variable(i)) is not None}
     for variable in declared.variables:
@@ -187,7 +187,7 @@ def _reinitialized(declared: Declarations) -> Iterator[Problem]:
             yield Breach(f"{variable} has reinit, but is not a continuous-time state.", _REINIT)
 
 
-def _exchanged(variable: DeclaredVariable) -> Iterator[Problem]:
+def _find_model_exchange_attributes(variable: DeclaredVariable) -> Iterator[Problem]:
     has = {
         "reinit": "reinit" in variable.own,
         "canHandleMultipleSetPerTimeInstant": variable.multiple_sets != "",
@@ -196,7 +196,7 @@ def _exchanged(variable: DeclaredVariable) -> Iterator[Problem]:
         yield Breach(f"{variable} has {attribute}, which is for Model Exchange only.", _MODEL_EXCHANGE)
 
 
-def _article(causality: str) -> str:
+def _add_article(causality: str) -> str:
     if causality in ("local", "independent"):
         return causality
     return f"an {causality}" if causality[0] in "aeiou" else f"a {causality}"
@@ -214,52 +214,58 @@ def aliases(subject: Subject) -> CheckOutcome:
     if subject.version == 3:
         return _judge_references(subject.declared)
     sets = subject.declared.alias_sets
-    problems = [p for several in sets for p in _apart(several)]
-    doubts = [p for several in sets for p in _of_lower_variability(several)]
+    problems = [p for alias_set in sets for p in _judge_aliases(alias_set)]
+    doubts = [p for alias_set in sets for p in _find_lower_variability(alias_set)]
     fine = f"{len(sets)} value references are shared, by compatible variables."
     return judge_problems(problems, fine, doubts)
 
 
 def _judge_references(declared: Declarations) -> CheckOutcome:
     """Judge value references of FMI 3.0, in which aliases are elements of their variable."""
-    found: dict[int, list[str]] = defaultdict(list)
+    names_by_reference: dict[int, list[str]] = defaultdict(list)
     for variable in declared.variables:
-        found[variable.reference].append(variable.name)
+        names_by_reference[variable.reference].append(variable.name)
     problems = [
         Breach(f"{names[0]} and {names[1]} have the same value reference {reference}.", _REFERENCES)
-        for reference, names in found.items()
+        for reference, names in names_by_reference.items()
         if len(names) > 1
     ]
     return judge_problems(problems, f"{len(declared.variables)} variables have different value references.")
 
 
-def _of_lower_variability(several: Sequence[DeclaredVariable]) -> Iterator[Problem]:
+def _find_lower_variability(alias_set: Sequence[DeclaredVariable]) -> Iterator[Problem]:
     """Yield outputs that claim to change less often than an alias, which has the same value."""
-    if any(v.causality in ("input", "parameter", "independent") for v in several):
+    if any(v.causality in ("input", "parameter", "independent") for v in alias_set):
         return
-    highest = max(several, key=lambda v: _ORDER.index(v.variability))
-    for lower in several:
+    highest = max(alias_set, key=lambda v: _ORDER.index(v.variability))
+    for lower in alias_set:
         if lower.causality == "output" and "constant" != lower.variability != highest.variability:
-            what = f"{lower} is {lower.variability}, but {highest} with the same value reference is"
-            yield Breach(f"{what} {highest.variability}.", _HIGHEST)
+            message = f"{lower} is {lower.variability}, but {highest} with the same value reference is"
+            yield Breach(f"{message} {highest.variability}.", _HIGHEST)
 
 
-def _apart(several: Sequence[DeclaredVariable]) -> Iterator[Problem]:
-    both = (
-        f"{several[0]} and {several[1]}"
-        if len(several) == 2
-        else f"{several[0]} and its {len(several) - 1} aliases"
+def _judge_aliases(alias_set: Sequence[DeclaredVariable]) -> Iterator[Problem]:
+    subject_of_message = (
+        f"{alias_set[0]} and {alias_set[1]}"
+        if len(alias_set) == 2
+        else f"{alias_set[0]} and its {len(alias_set) - 1} aliases"
     )
-    constant = [v for v in several if v.variability == "constant"]
-    started = [v.name for v in several if v.start is not None and v.variability != "constant"]
+    constant = [v for v in alias_set if v.variability == "constant"]
+    started = [v.name for v in alias_set if v.start is not None and v.variability != "constant"]
     if len(started) > 1:
-        two = f"{started[0]} and {started[1]}"
-        yield Breach(f"{two} have the same value reference, but both have a start value.", _ONE_START)
-    if constant and len(constant) < len(several):
-        yield Breach(f"{both} have the same value reference, but only some of them are constant.", _CONSTANT)
+        names = f"{started[0]} and {started[1]}"
+        yield Breach(f"{names} have the same value reference, but both have a start value.", _ONE_START)
+    if constant and len(constant) < len(alias_set):
+        yield Breach(
+            f"{subject_of_message} have the same value reference, but only some of them are constant.",
+            _CONSTANT,
+        )
     elif len({v.start for v in constant}) > 1:
-        yield Breach(f"{both} have the same value reference, but different constant values.", _SAME_CONSTANT)
-    if started and any(v.causality == "independent" for v in several):
+        yield Breach(
+            f"{subject_of_message} have the same value reference, but different constant values.",
+            _SAME_CONSTANT,
+        )
+    if started and any(v.causality == "independent" for v in alias_set):
         yield Breach(f"{started[0]} has the value reference of the independent variable.", _SETTABLE)
-    if len({v.unit for v in several}) > 1:
-        yield Breach(f"{both} have the same value reference, but different units.", _SAME_UNIT)
+    if len({v.unit for v in alias_set}) > 1:
+        yield Breach(f"{subject_of_message} have the same value reference, but different units.", _SAME_UNIT)

@@ -67,7 +67,7 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
 class EventState(NamedTuple):
     """What is known of an instance beside its state: events, values that wait, clocked variables."""
 
-    memory: Vector
+    stepper_memory: Vector
     pending: dict[str, Any]
     passed: dict[str, Any]
     clocked: dict[str, Any]
@@ -85,7 +85,7 @@ class HostedEvents:
         steps: Number of steps.
         events: How often a step asked for event mode.
         returns: Number of early returns.
-        early: Time in s of the first early return.
+        first_early_return: Time in s of the first early return.
     """
 
     def __init__(self, instance: "HostedInstance", has_mode: bool, allows_early_return: bool) -> None:
@@ -116,7 +116,7 @@ class HostedEvents:
         self._tables.record.may_return_early = True  # `_judge_step` refuses it
         self._tables.record.varies_step = subject.has_capability("canHandleVariableCommunicationStepSize")
         self.steps = self.events = self.returns = 0
-        self.early: float | None = None
+        self.first_early_return: float | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -169,7 +169,7 @@ class HostedEvents:
         """Return the names of the input clocks that did not tick."""
         return [name for name, count in self.ticks.items() if not count]
 
-    def take(self, values: Mapping[str, Any]) -> dict[str, Any]:
+    def store_waiting(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values to set in step mode; the others wait for event mode or for their clocks."""
         now = {}
         for name, value in values.items():
@@ -196,7 +196,7 @@ class HostedEvents:
 
     def restore(self, state: EventState) -> None:
         """Continue with what was known earlier."""
-        self._tables.memory[:] = state.memory
+        self._tables.memory[:] = state.stepper_memory
         copies = (dict(v) for v in (state.pending, state.passed, state.clocked, state.values))
         self._pending, self._passed, self._inputs, self._values = copies
 
@@ -252,16 +252,18 @@ class HostedEvents:
         return OK
 
     def _judge_step(
-        self, time: float, length: float, _: bool, event: Any, ends: Any, early: Any, reached: Any
+        self, time: float, length: float, _: bool, event: Any, ends: Any, returns_early: Any, reached: Any
     ) -> None:
         """Count what a step says. One without event mode goes on after an event."""
         if ends[0]:
             return
         self.events += bool(event[0])
         event[0] = event[0] and self._has_mode
-        if early[0]:
+        if returns_early[0]:
             self.returns += 1
-            self.early = reached[0] if self.early is None else self.early
+            self.first_early_return = (
+                reached[0] if self.first_early_return is None else self.first_early_return
+            )
             if not self._may_return:
                 message = (
                     f"fmi3DoStep from t = {time:.9g} s to {time + length:.9g} s returned early at "

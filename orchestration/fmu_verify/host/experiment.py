@@ -41,14 +41,14 @@ class Experiment:
 
 def make_experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
     """Return the first steps of the FMU's default experiment, at most `steps`."""
-    start, step, count = span(subject)
+    start, step, count = read_span(subject)
     inputs = subject.of_causality("input")
     most = _MOST_VALUES // (len(inputs) + len(subject.of_causality("output")) or 1)
     times = start + step * np.arange(min(steps, count, subject.most_steps, max(most, FEWEST_STEPS)) + 1.0)
     return Experiment(times, {v.name: _vary_input(v, i, times) for i, v in enumerate(inputs)})
 
 
-def span(subject: Subject) -> tuple[float, float, int]:
+def read_span(subject: Subject) -> tuple[float, float, int]:
     """Return the start and step in s, and the number of steps, of the FMU's default experiment."""
     default = subject.description.defaultExperiment
     start = parse_number(default.startTime if default else None, 0.0)
@@ -72,7 +72,7 @@ def _internal_step(subject: Subject) -> float:
 def _vary_input(variable: ModelVariable, index: int, times: Vector) -> Vector:
     """Return a sine around the start value, a tenth of the range wide, with a different period per input."""
     middle = parse_number(variable.start, 0.0)
-    low, high = limits_of(variable)
+    low, high = read_limits(variable)
     typical = abs(parse_number(variable.nominal, middle or 1.0))
     width = 0.1 * (high - low if math.isfinite(high - low) else typical)
     periods = 2.0 + 0.5 * (index % 7)
@@ -80,7 +80,7 @@ def _vary_input(variable: ModelVariable, index: int, times: Vector) -> Vector:
     return np.clip(middle + width * np.sin(phase), low, high)
 
 
-def limits_of(variable: ModelVariable) -> tuple[float, float]:
+def read_limits(variable: ModelVariable) -> tuple[float, float]:
     """Return min and max of a variable or its declared type, infinite if there are none."""
     declared = variable.declaredType
     ends = [

@@ -18,7 +18,7 @@ from emla_cosim.fmu.python_exceptions import find_left_exception
 
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import LEAVES_EXCEPTION, Clause, NotRunError, left_exception
+from ..verdict import LEAVES_EXCEPTION, Clause, NotRunError, describe_exception
 from .arrays import Arrays, ElementDependency, set_elements
 from .event_mode import NO_EARLY_RETURN, EventState, HostedEvents
 from .integration import (
@@ -88,14 +88,14 @@ class HostedInstance(FmiInstance):
     values of the last one.
 
     `kind` is `CoSimulation` or `ModelExchange`; default: the first kind of the FMU. `terminated` is true
-    after the FMU asked to end the run. `claim` is what a step said that no host without event mode expects,
-    and `reached` the time in s that it said it reached. `step_began` is when the last step began, in s;
-    None before the first one. `circumstance` is added to the note of every call:
+    after the FMU asked to end the run. `unexpected_event` is what a step said that no host without event
+    mode expects, and `reached` the time in s that it said it reached. `step_began` is when the last step
+    began, in s; None before the first one. `circumstance` is added to the note of every call:
     ` with u = nan`.
     """
 
     circumstance = ""
-    claim = ""
+    unexpected_event = ""
     reached: float | None = None
     step_began: float | None = None
 
@@ -107,19 +107,20 @@ class HostedInstance(FmiInstance):
         logging: bool = False,
         guid: str | None = None,
         events: bool | None = None,
-        early: bool | None = None,
+        allows_early_return: bool | None = None,
     ) -> None:
         """Load the library and instantiate. Raise CallError on failure.
 
-        `events` and `early` let an FMU of FMI 3.0 use event mode, and return early from steps. By default,
-        one with Clocks does as it declares.
+        `events` and `allows_early_return` let an FMU of FMI 3.0 use event mode, and return early from steps.
+        By default, one with Clocks does as it declares.
         """
         self.subject, self.name = subject, name
         self.kind = kind or subject.kinds[0]
         ticks = self.kind == "CoSimulation" and subject.has_clocks
         uses_events = ticks if events is None else events
-        returns = ticks and subject.has_flag(RETURNS_EARLY, self.kind) if early is None else early
-        self.instantiation = {"eventModeUsed": uses_events, "earlyReturnAllowed": returns}
+        if allows_early_return is None:
+            allows_early_return = ticks and subject.has_flag(RETURNS_EARLY, self.kind)
+        self.instantiation = {"eventModeUsed": uses_events, "earlyReturnAllowed": allows_early_return}
         library = subject.library(self.kind)
         LOG.listen()  # other code of this process may have a log of its own
         note("loading its library")
@@ -145,8 +146,8 @@ class HostedInstance(FmiInstance):
         self._integration = HostedIntegration(self.fmu, subject) if self.kind == "ModelExchange" else None
         self.events: HostedEvents | None = None
         """What steps the instance with event mode or early returns, if it does."""
-        if uses_events or returns:
-            self.events = HostedEvents(self, uses_events, returns)
+        if uses_events or allows_early_return:
+            self.events = HostedEvents(self, uses_events, allows_early_return)
         self.instantiate(logging)
 
     @property
@@ -213,7 +214,7 @@ class HostedInstance(FmiInstance):
 
     def python_error(self, function: str, error: Exception) -> CallError:
         """Return the error for a call that left an exception of Python."""
-        return CallError(function, ERROR, (), left_exception(read_note(), error), LEAVES_EXCEPTION)
+        return CallError(function, ERROR, (), describe_exception(read_note(), error), LEAVES_EXCEPTION)
 
     def violation(self, sentence: str, clause: Clause | None, is_endless: bool = False) -> CallError:
         """Return the error for what a function said against a clause, or for an iteration without end."""
@@ -359,7 +360,7 @@ class HostedInstance(FmiInstance):
         for their Clocks, if the instance uses event mode.
         """
         if self.events is not None and self.events.is_stepping:
-            values = self.events.take(values)
+            values = self.events.store_waiting(values)
         self.set_now(values)
 
     def set_now(self, values: Mapping[str, Any]) -> None:
@@ -436,16 +437,16 @@ class HostedInstance(FmiInstance):
 
     def _step_3(self, time: float, length: float) -> None:
         """Step an FMU of FMI 3.0, without event mode and early return."""
-        event, terminates, early, reached = self.fmu.doStep(
+        event, terminates, returned_early, reached = self.fmu.doStep(
             time, length, noSetFMUStatePriorToCurrentPoint=False
         )
         self.terminated, self.reached = bool(terminates), float(reached)
         at = f"fmi3DoStep at t = {time:.9g} s"
-        if early and not terminates:
+        if returned_early and not terminates:
             message = f"{at} returned early at t = {reached:.9g} s, which was not allowed."
             raise self.violation(message, NO_EARLY_RETURN)
-        if event and not self.claim:
-            self.claim = f"{at} asked for event mode, which is not used."
+        if event and not self.unexpected_event:
+            self.unexpected_event = f"{at} asked for event mode, which is not used."
 
     def _integrate(self, do: Callable[..., None], time: float, *length: float) -> None:
         """Do a part of the integration, from a time in s on."""

@@ -74,7 +74,7 @@ class OutputTrajectory:
             return deviation.max(axis=0) / np.where(scale > 0.0, scale, 1.0)
 
 
-def outputs(subject: Subject) -> list[str]:
+def list_outputs(subject: Subject) -> list[str]:
     """Names of all outputs that are numbers."""
     variables = subject.description.modelVariables
     return [v.name for v in variables if v.causality == "output" and v.type in NUMERIC]
@@ -99,7 +99,7 @@ def step_instance(
     `names` are the variables to read; default: all outputs. No step but the first begins after
     `time.monotonic()` has reached `until`.
     """
-    names = outputs(instance.subject) if names is None else names
+    names = list_outputs(instance.subject) if names is None else names
     rows: list[list[Any]] = [instance.get(names)]
     steps = range(first, len(course.times) - 1 if last is None else last)
     for k in steps if not instance.terminated else ():

@@ -10,7 +10,7 @@ from emla_cosim.fmu.elements import number_range
 from emla_cosim.fmu.instance import kind_of
 
 from ..subject import Subject
-from .experiment import limits_of, parse_number
+from .experiment import parse_number, read_limits
 from .fresh_process import EndedError, in_fresh_process
 from .hosted_instance import CallError
 
@@ -26,7 +26,7 @@ _CLOSE = 1e-5
 Values = dict[str, Any]
 
 
-def start_of(variable: ModelVariable) -> Any:
+def read_start(variable: ModelVariable) -> Any:
     """Return the start value in the type of the variable; None if there is none that can be read."""
     text = variable.start
     if text is None:
@@ -41,9 +41,9 @@ def start_of(variable: ModelVariable) -> Any:
     return str(text).strip().lower() in ("true", "1") if variable.type == "Boolean" else str(text)
 
 
-def other_of(variable: ModelVariable) -> Any:
+def choose_other_value(variable: ModelVariable) -> Any:
     """Return a valid value that is not the start value; None if there is none."""
-    start = start_of(variable)
+    start = read_start(variable)
     if start is None:
         return None
     if variable.type == "Boolean":
@@ -51,8 +51,8 @@ def other_of(variable: ModelVariable) -> Any:
     if variable.type == "String":
         return f"{start}2"
     if variable.type == "Enumeration":
-        return next((value for value in items_of(variable) if value != start), None)
-    low, high = limits_of(variable)
+        return next((value for value in list_items(variable) if value != start), None)
+    low, high = read_limits(variable)
     if variable.type == "Integer":
         least, most = number_range(variable)
         values = (v for v in (start + 1, start - 1) if low <= v <= high and least <= v <= most)
@@ -62,13 +62,13 @@ def other_of(variable: ModelVariable) -> Any:
     return next((v for v in (start + step, start - step) if low <= v <= high and v != start), None)
 
 
-def items_of(variable: ModelVariable) -> list[int]:
+def list_items(variable: ModelVariable) -> list[int]:
     """Return the values of the items of an Enumeration."""
     declared = variable.declaredType
     return [int(item.value or 0) for item in declared.items or ()] if declared is not None else []
 
 
-def settable(
+def list_settable(
     subject: Subject, *causalities: str, tunable: bool = False, most: int | None = MOST
 ) -> list[ModelVariable]:
     """Return variables of these causalities that can be set and have a start value, without aliases.
@@ -87,12 +87,12 @@ def settable(
     return list(variables_by_reference.values())[:most]
 
 
-def others(variables: Iterable[ModelVariable]) -> Values:
+def list_other_values(variables: Iterable[ModelVariable]) -> Values:
     """Return another valid value for each variable that has one, by name."""
-    return {v.name: value for v in variables if (value := other_of(v)) is not None}
+    return {v.name: value for v in variables if (value := choose_other_value(v)) is not None}
 
 
-def same(actual: Any, expected: Any) -> bool:
+def are_same(actual: Any, expected: Any) -> bool:
     """Return whether two values of a variable are equal, Reals within rounding, Strings but for spaces."""
     actual, expected = (v.decode(errors="replace") if isinstance(v, bytes) else v for v in (actual, expected))
     if isinstance(actual, str) and isinstance(expected, str):
@@ -104,19 +104,21 @@ def same(actual: Any, expected: Any) -> bool:
     return actual == expected
 
 
-def differences(actual: Mapping[str, Any], expected: Mapping[str, Any], names: Iterable[str]) -> list[str]:
+def list_differences(
+    actual: Mapping[str, Any], expected: Mapping[str, Any], names: Iterable[str]
+) -> list[str]:
     """Return the names of variables whose values differ."""
-    return [name for name in names if not same(actual[name], expected[name])]
+    return [name for name in names if not are_same(actual[name], expected[name])]
 
 
-def show(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Return a value for a message."""
     if isinstance(value, bytes):
         return repr(value[:60].decode(errors="replace"))
     return f"{value:.9g}" if isinstance(value, float) else repr(value)
 
 
-def where_accepted(do: Callable[[Subject, Values], Any], subject: Subject, changes: Values) -> list[Any]:
+def run_where_accepted(do: Callable[[Subject, Values], Any], subject: Subject, changes: Values) -> list[Any]:
     """Call `do` in a new process with all changes, or with those of each type if the FMU refuses them.
 
     Returns:

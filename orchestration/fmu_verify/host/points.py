@@ -13,7 +13,7 @@ from emla_cosim.base.arrays import Vector
 
 from ..messages import list_left_out
 from ..subject import Subject
-from .experiment import limits_of, make_experiment, parse_number
+from .experiment import make_experiment, parse_number, read_limits
 from .fresh_process import is_single_instance
 from .hosted_instance import HostedInstance
 
@@ -89,7 +89,7 @@ class Point:
         """Return the typical magnitude of a known, from which step sizes derive."""
         variable = self.instance.subject.variables[known]
         nominal = abs(parse_number(variable.nominal, 0.0))
-        low, high = limits_of(variable)
+        low, high = read_limits(variable)
         width = 0.1 * (high - low)
         return max(nominal, abs(self.values[known]), width if math.isfinite(width) else 0.0) or 1.0
 

@@ -63,7 +63,7 @@ def end_children() -> None:
         psutil.wait_procs(children, timeout=0.1)
 
 
-def settle(has_settled: Callable[[], bool]) -> None:
+def wait_until_settled(has_settled: Callable[[], bool]) -> None:
     """Wait until a condition holds, for a short time."""
     until = time.monotonic() + _LONGEST_WAIT
     while not has_settled() and time.monotonic() < until:

@@ -9,7 +9,7 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.base.arrays import Vector
 from emla_cosim.fmu.elements import number_range
 
-from ..host.experiment import limits_of, parse_number
+from ..host.experiment import parse_number, read_limits
 from ..subject import Subject
 
 
@@ -42,17 +42,17 @@ def excite_inputs(subject: Subject, shape: str, times: Vector) -> dict[str, Vect
     around the start value. Integers, enumerations and Booleans take their allowed values.
     """
     phase = (times - times[0]) / (times[-1] - times[0])
-    found = {"time": times}
+    columns = {"time": times}
     inputs = [v for v in subject.description.modelVariables if v.causality == "input" and v.type != "String"]
     for index, variable in enumerate(inputs):
-        found[variable.name] = _moved(variable, SHAPES[shape](phase, index))
-    return found
+        columns[variable.name] = _excite(variable, SHAPES[shape](phase, index))
+    return columns
 
 
-def _moved(variable: ModelVariable, wave: Vector) -> Vector:
+def _excite(variable: ModelVariable, wave: Vector) -> Vector:
     if variable.type == "Boolean":
         return (wave > 0.5).astype(float)
-    low, high = limits_of(variable)
+    low, high = read_limits(variable)
     start = parse_number(variable.start, 0.0)
     if variable.type == "Enumeration" and variable.declaredType is not None:
         values = [int(str(item.value)) for item in variable.declaredType.items or []]
@@ -62,5 +62,5 @@ def _moved(variable: ModelVariable, wave: Vector) -> Vector:
     width = 0.25 * (high - low) if bounded else 0.1 * abs(parse_number(variable.nominal, start or 1.0))
     if variable.type == "Integer":
         width = max(width, 1.0)  # less would be rounded to nothing
-    found = np.clip(middle + width * wave, low, high)
-    return found if variable.type == "Real" else np.round(np.clip(found, *number_range(variable)))
+    wave = np.clip(middle + width * wave, low, high)
+    return wave if variable.type == "Real" else np.round(np.clip(wave, *number_range(variable)))

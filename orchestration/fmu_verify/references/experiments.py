@@ -19,7 +19,7 @@ from emla_cosim.base.untrusted_xml import parse_xml
 from emla_cosim.fmu.parameters.parameter_sets import convert_parameter, parse_parameter_set
 from emla_cosim.fmu.variables import convert_start_value
 
-from ..host.experiment import span
+from ..host.experiment import read_span
 from ..subject import Subject
 from ..verdict import NotRunError
 from .reference_files import ReferenceSolution, read_columns, read_tolerance
@@ -101,41 +101,41 @@ def read_experiments(file: Path, unpacked: Path) -> list[ExperimentSetup]:
     elements = root.findall("Experiment")
     if not elements:
         raise CommandError(f"'{file.name}' has no Experiment.")
-    return [_read(element, file, unpacked) for element in elements]
+    return [_read_experiment(element, file, unpacked) for element in elements]
 
 
-def _read(element: Any, file: Path, unpacked: Path) -> ExperimentSetup:
+def _read_experiment(element: Any, file: Path, unpacked: Path) -> ExperimentSetup:
     name = element.get("name")
     if name is None:
         raise CommandError(f"'{file.name}' has an Experiment without a name in line {element.sourceline}.")
-    place = f"the experiment '{name}' of '{file.name}'"
+    label = f"the experiment '{name}' of '{file.name}'"
     analysis, numbers, data = TRANSIENT, dict[str, float](), dict[str, Data]()
     for inside in element.iterchildren(tag=etree.Element):
         if inside.tag in _DATA:
             source = inside.get("source")
             if source is None:
-                raise CommandError(f"{place} has {inside.tag} without a source.")
+                raise CommandError(f"{label} has {inside.tag} without a source.")
             path = resolve_source(file, source, unpacked)
             data[inside.tag] = Data(inside.get("type", _DATA[inside.tag]), source, path)
         elif inside.tag == TRANSIENT or inside.tag in _ANALYSES:
             analysis = inside.tag
         elif inside.tag != "Annotations":
-            raise CommandError(f"{place} has the element {inside.tag}, which an Experiment does not have.")
+            raise CommandError(f"{label} has the element {inside.tag}, which an Experiment does not have.")
     settings = {**dict(element.attrib), **dict(next((e.attrib for e in element.iterfind(TRANSIENT)), {}))}
     for key in ("startTime", "stopTime", "stepSize", "tolerance"):
         if key in settings:
-            numbers[key] = _number(settings[key], key, place)
+            numbers[key] = _read_number(settings[key], key, label)
     return ExperimentSetup(name, file.name, analysis, numbers, data)
 
 
-def _number(text: str, key: str, place: str) -> float:
+def _read_number(text: str, key: str, label: str) -> float:
     try:
         number = float(text)
     except ValueError:
         number = math.nan
     if not math.isfinite(number) or (key in ("stepSize", "tolerance") and number <= 0.0):
         needed = "a positive number" if key in ("stepSize", "tolerance") else "a finite number"
-        raise CommandError(f"{place} has {key} = {text}; it must be {needed}.")
+        raise CommandError(f"{label} has {key} = {text}; it must be {needed}.")
     return number
 
 
@@ -150,7 +150,7 @@ def read_setup(subject: Subject, setup: ExperimentSetup) -> tuple[ReferenceSolut
         CommandError: A file is invalid, does not fit the FMU, or is missing.
         NotRunError: A file has a type that is not read, or is elsewhere.
     """
-    start, step, count = span(subject)
+    start, step, count = read_span(subject)
     stop = start + count * step
     start, stop = setup.numbers.get("startTime", start), setup.numbers.get("stopTime", stop)
     if not stop > start:
@@ -159,10 +159,10 @@ def read_setup(subject: Subject, setup: ExperimentSetup) -> tuple[ReferenceSolut
     if abs((stop - start) / step - round((stop - start) / step)) > 1e-3:
         raise NotRunError(f"{start:g} s to {stop:g} s is not a whole number of its steps of {step:g} s.")
     values, unknown = {}, []
-    if (path := _path(setup, "Parameters")) is not None:
+    if (path := _find_data(setup, "Parameters")) is not None:
         values, unknown = read_parameter_values(subject, path)
-    inputs, notes = _columns(subject, setup, "Stimuli", start)
-    solution, more = _columns(subject, setup, "References", start)
+    inputs, notes = _read_data(subject, setup, "Stimuli", start)
+    solution, more = _read_data(subject, setup, "References", start)
     references = setup.data.get("References")
     reference = ReferenceSolution(
         solution=solution or {"time": np.array([start, stop])},
@@ -193,8 +193,8 @@ def read_parameter_values(subject: Subject, file: Path) -> tuple[dict[str, Any],
             continue
         kind = variable.type
         if parameter.type != kind and (parameter.type in ("Boolean", "String") or kind == "String"):
-            what = f"'{parameter.name}' of '{file.name}' has the type {parameter.type}"
-            raise CommandError(f"{what}, but the variable of the FMU has the type {kind}.")
+            message = f"'{parameter.name}' of '{file.name}' has the type {parameter.type}"
+            raise CommandError(f"{message}, but the variable of the FMU has the type {kind}.")
         if interface.is_structural(parameter.name):
             raise NotRunError(f"It sets the structural parameter {parameter.name}.")
         value = convert_parameter(parameter, interface.unit(parameter.name), file.name)
@@ -202,7 +202,7 @@ def read_parameter_values(subject: Subject, file: Path) -> tuple[dict[str, Any],
     return values, unknown
 
 
-def _path(setup: ExperimentSetup, element: str) -> Path | None:
+def _find_data(setup: ExperimentSetup, element: str) -> Path | None:
     data = setup.data.get(element)
     if data is None:
         return None
@@ -215,10 +215,10 @@ def _path(setup: ExperimentSetup, element: str) -> Path | None:
     return data.path
 
 
-def _columns(
+def _read_data(
     subject: Subject, setup: ExperimentSetup, element: str, start: float
 ) -> tuple[dict[str, Vector], list[str]]:
-    if (path := _path(setup, element)) is None:
+    if (path := _find_data(setup, element)) is None:
         return {}, []
-    what = {"Stimuli": "the inputs", "References": "the reference"}[element]
-    return read_columns(path, what, subject.interface, start, has_gaps=element == "References")
+    description = {"Stimuli": "the inputs", "References": "the reference"}[element]
+    return read_columns(path, description, subject.interface, start, has_gaps=element == "References")

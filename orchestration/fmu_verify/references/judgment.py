@@ -14,39 +14,39 @@ from .reference_files import ReferenceSolution
 
 def check_columns(subject: Subject, reference: ReferenceSolution) -> None:
     """Raise CommandError if a reference has a column that is not a variable of the FMU."""
-    strange = [n for n in reference.solution if n != "time" and n not in subject.variables]
-    if strange:
-        raise CommandError(f"the reference has the column '{strange[0]}', but the FMU has no such variable.")
+    unknown = [n for n in reference.solution if n != "time" and n not in subject.variables]
+    if unknown:
+        raise CommandError(f"the reference has the column '{unknown[0]}', but the FMU has no such variable.")
 
 
 def judge_run(
-    subject: Subject, reference: ReferenceSolution, found: OutputTrajectory, is_experiment: bool = False
+    subject: Subject, reference: ReferenceSolution, trajectory: OutputTrajectory, is_experiment: bool = False
 ) -> CheckOutcome:
     """Compare all columns of a reference with the run along it.
 
     A tolerance with a folder of references is for these: experiments in the FMU have other references.
     """
-    wanted = dict(reference.tolerance)
+    tolerances = dict(reference.tolerance)
     if not (is_experiment and subject.settings.reference is not None):
-        wanted |= subject.settings.tolerance
+        tolerances |= subject.settings.tolerance
     comparisons = tuple(
         compare_signal(
             name,
             str(subject.interface.unit(name) or ""),
-            found.times,
-            found.values[:, i],
+            trajectory.times,
+            trajectory.values[:, i],
             reference.solution["time"],
             reference.solution[name],
-            find_tolerance(name, wanted),
+            find_tolerance(name, tolerances),
             subject.interface.is_discrete(name),
         )
-        for i, name in enumerate(found.names)
+        for i, name in enumerate(trajectory.names)
         if name in reference.solution
     )
-    left = select_outside(comparisons)
-    if left:
-        more = (*(describe_departure(c) + "." for c in left[1:]), *reference.notes)
-        return failed(f"{describe_departure(left[0])}.", details=more, comparisons=comparisons)
+    departures = select_outside(comparisons)
+    if departures:
+        more = (*(describe_departure(c) + "." for c in departures[1:]), *reference.notes)
+        return failed(f"{describe_departure(departures[0])}.", details=more, comparisons=comparisons)
     if not comparisons:
         return failed("The reference has only the column time.")
     closest = max(comparisons, key=_share)

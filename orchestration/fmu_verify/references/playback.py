@@ -12,23 +12,23 @@ from emla_cosim.base.arrays import Vector
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.variables import convert_start_values
 
-from ..host.experiment import Experiment, span
+from ..host.experiment import Experiment, read_span
 from ..host.hosted_instance import HostedInstance
-from ..host.instance_runs import OutputTrajectory, outputs, step_instance
+from ..host.instance_runs import OutputTrajectory, list_outputs, step_instance
 from ..subject import Subject
 from .reference_files import ReferenceSolution
 
-_CHUNK = 10
+_STEPS_PER_CHECK = 10
 """Steps between two looks at the clock."""
 
-_SLIVER = 1e-6
+_TIME_TOLERANCE = 1e-6
 """Tolerance for equal times, relative to a step."""
 
 
 def build_course(subject: Subject, reference: ReferenceSolution) -> Experiment:
     """Return the communication points of a reference and its inputs. Raise CommandError on a mismatch."""
     intervals = np.diff(np.unique(reference.solution["time"]))
-    step = reference.step or min(span(subject)[1], float(intervals.min(initial=np.inf)))
+    step = reference.step or min(read_span(subject)[1], float(intervals.min(initial=np.inf)))
     count = round((reference.stop - reference.start) / step)
     if count < 1 or abs(reference.start + count * step - reference.stop) > 1e-3 * step:
         raise CommandError(
@@ -36,24 +36,24 @@ def build_course(subject: Subject, reference: ReferenceSolution) -> Experiment:
             f"number of steps of {step:g} s."
         )
     times = np.asarray(reference.start + step * np.arange(count + 1), dtype=np.float64)
-    return Experiment(times, inputs_at(subject, reference.inputs, times))
+    return Experiment(times, sample_inputs(subject, reference.inputs, times))
 
 
-def inputs_at(subject: Subject, columns: Mapping[str, Vector], times: Vector) -> dict[str, Vector]:
+def sample_inputs(subject: Subject, columns: Mapping[str, Vector], times: Vector) -> dict[str, Vector]:
     """Return the input columns at these times in s. Raise CommandError if a column is not an input.
 
     Continuous inputs are linear between rows. Others hold the value of the last row, and have the type of
     their variable. Of rows at the same time, which are an event, the last one counts.
     """
-    found = {}
+    inputs = {}
     for name, values in columns.items():
         variable = subject.variables.get(name)
         if name == "time":
             continue
         if variable is None or variable.causality != "input":
             raise CommandError(f"the inputs have the column '{name}', but the FMU has no such input.")
-        found[name] = _sampled(variable, columns["time"], values, times)
-    return found
+        inputs[name] = _sample(variable, columns["time"], values, times)
+    return inputs
 
 
 def run_reference(
@@ -72,32 +72,34 @@ def run_reference(
         CallError: A call failed.
         CommandError: The reference does not match the FMU.
     """
-    along = build_course(subject, reference)
+    course = build_course(subject, reference)
     instance = HostedInstance(subject)
-    values = read_start_values(subject, reference.start_values) | along.at(0)
+    values = read_start_values(subject, reference.start_values) | course.at(0)
     tolerance = reference.solver_tolerance or subject.interface.tolerance
     instance.begin_initialization(reference.start, reference.stop, tolerance, lambda: instance.set(values))
     instance.exit_initialization()
-    names = [n for n in reference.solution if n != "time" and n in subject.variables] or outputs(subject)
-    found = step_instance(instance, along, 0, 0, names)
-    rows, done, count = [found.values], 0, len(along.times) - 1
-    while done < count and not instance.terminated and time.monotonic() < until:
-        found = step_instance(instance, along, done, min(done + _CHUNK, count), names)
-        rows.append(found.values[1:])
-        done += len(found.values) - 1
+    names = [n for n in reference.solution if n != "time" and n in subject.variables] or list_outputs(subject)
+    part = step_instance(instance, course, 0, 0, names)
+    rows, step_count, count = [part.values], 0, len(course.times) - 1
+    while step_count < count and not instance.terminated and time.monotonic() < until:
+        part = step_instance(instance, course, step_count, min(step_count + _STEPS_PER_CHECK, count), names)
+        rows.append(part.values[1:])
+        step_count += len(part.values) - 1
     instance.close()
-    every = max(1, round((reference.interval or 0.0) / along.step))
-    return OutputTrajectory(along.times[: done + 1 : every], names, np.concatenate(rows)[::every])
+    steps_per_row = max(1, round((reference.interval or 0.0) / course.step))
+    return OutputTrajectory(
+        course.times[: step_count + 1 : steps_per_row], names, np.concatenate(rows)[::steps_per_row]
+    )
 
 
-def read_start_values(subject: Subject, given: Mapping[str, Any]) -> dict[str, Any]:
+def read_start_values(subject: Subject, values: Mapping[str, Any]) -> dict[str, Any]:
     """Convert start values to the types of their variables. Raise CommandError for invalid ones."""
-    typed = convert_start_values(subject.path.stem, subject.interface, given)
+    typed = convert_start_values(subject.path.stem, subject.interface, values)
     return {str(variable.name): value for variable, value in typed}
 
 
-def _sampled(variable: ModelVariable, rows: Vector, values: Vector, times: Vector) -> Vector:
-    ahead = _SLIVER * float(times[1] - times[0])
+def _sample(variable: ModelVariable, rows: Vector, values: Vector, times: Vector) -> Vector:
+    ahead = _TIME_TOLERANCE * float(times[1] - times[0])
     last = np.maximum(np.searchsorted(rows, times + ahead, side="right") - 1, 0)
     if variable.type == "Real" and variable.variability in (None, "continuous"):
         at_event = (np.abs(rows[last] - times) <= ahead) & (rows[np.maximum(last - 1, 0)] == rows[last])

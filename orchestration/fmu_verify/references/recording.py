@@ -16,13 +16,13 @@ from emla_cosim.base.files import resolve_output_path, write_atomically
 from emla_cosim.base.output_files import OutputFile
 
 from ..confinement import confine
-from ..host.experiment import span
+from ..host.experiment import read_span
 from ..host.fresh_process import in_fresh_process
-from ..host.instance_runs import OutputTrajectory, outputs
+from ..host.instance_runs import OutputTrajectory, list_outputs
 from ..settings import Recording
 from ..subject import Subject
 from .excitation import excite_inputs
-from .playback import inputs_at, read_start_values, run_reference
+from .playback import read_start_values, run_reference, sample_inputs
 from .reference_files import OPTIONS, ReferenceSolution, read_columns
 
 MOST_STEPS = 100_000
@@ -45,21 +45,21 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
     written: set[str] = set()
     for fmu in fmus:
         for path in recording.files(fmu.stem):
-            place = resolve_output_path(path, "the reference")
-            if str(place).casefold() in written:  # some file systems ignore case
+            target = resolve_output_path(path, "the reference")
+            if str(target).casefold() in written:  # some file systems ignore case
                 raise CommandError(f"two FMUs have the name {fmu.stem}; record one at a time.")
-            if place.exists() and not recording.overwrite:
+            if target.exists() and not recording.overwrite:
                 raise CommandError(f"'{path}' already exists; to replace it, add --overwrite.")
-            written.add(str(place).casefold())
+            written.add(str(target).casefold())
         subject = Subject(fmu, recording.folder)
         try:
             _ = subject.description
         except Exception:  # the checks report it with more detail
             continue
-        _course(subject, recording)
+        _choose_steps(subject, recording)
         read_start_values(subject, recording.values)
         if recording.inputs is not None:
-            inputs_at(
+            sample_inputs(
                 subject, read_columns(recording.inputs, "the inputs", subject.interface)[0], np.zeros(2)
             )
 
@@ -72,27 +72,27 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
         CommandError: The inputs do not match the FMU.
         OSError: A file cannot be written.
     """
-    start, step, count = _course(subject, recording)
+    start, step, count = _choose_steps(subject, recording)
     stop = start + count * step
-    every = max(1, count // _ROWS)
-    times = np.asarray(start + step * np.arange(0, count + 1, every), dtype=np.float64)
+    steps_per_row = max(1, count // _ROWS)
+    times = np.asarray(start + step * np.arange(0, count + 1, steps_per_row), dtype=np.float64)
     if recording.inputs is not None:
         inputs, _ = read_columns(recording.inputs, "the inputs", subject.interface, start)
     else:
         inputs = excite_inputs(subject, recording.shape, times)
-    names = outputs(subject)
-    wanted = {"time": times} | dict.fromkeys(names, times)
-    plan = ReferenceSolution(wanted, inputs, start, stop, step, every * step, recording.values)
-    found = in_fresh_process(_run_confined, subject, plan)
-    rows = {"time": found.times} | {n: found.values[:, i] for i, n in enumerate(found.names)}
-    options = zip(OPTIONS, (start, stop, step, every * step), strict=True)
+    names = list_outputs(subject)
+    columns = {"time": times} | dict.fromkeys(names, times)
+    plan = ReferenceSolution(columns, inputs, start, stop, step, steps_per_row * step, recording.values)
+    trajectory = in_fresh_process(_run_confined, subject, plan)
+    rows = {"time": trajectory.times} | {n: trajectory.values[:, i] for i, n in enumerate(trajectory.names)}
+    options = zip(OPTIONS, (start, stop, step, steps_per_row * step), strict=True)
     texts = {
-        "ref.csv": _csv(subject, rows),
+        "ref.csv": _format_csv(subject, rows),
         "ref.opt": "".join(f"{name}, {value!r}\n" for name, value in options),
-        "ref.toml": _about(subject, recording),
+        "ref.toml": _describe_recording(subject, recording),
     }
     if len(inputs) > 1:
-        texts["in.csv"] = _csv(subject, inputs)
+        texts["in.csv"] = _format_csv(subject, inputs)
     else:  # the file of an earlier recording would be used as inputs
         (recording.folder / f"{subject.path.stem}_in.csv").unlink(missing_ok=True)
     written = {recording.folder / f"{subject.path.stem}_{kind}": text for kind, text in texts.items()}
@@ -109,9 +109,9 @@ def _run_confined(subject: Subject, plan: ReferenceSolution) -> OutputTrajectory
     return run_reference(subject, plan)
 
 
-def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
+def _choose_steps(subject: Subject, recording: Recording) -> tuple[float, float, int]:
     """Return start and step in s, and the number of steps. Raise CommandError for invalid settings."""
-    start, step, count = span(subject)
+    start, step, count = read_span(subject)
     if recording.step is not None:
         if not recording.step > 0.0:
             raise CommandError(f"the step size {recording.step:g} s must be a positive number.")
@@ -127,7 +127,7 @@ def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
     return start, step, count
 
 
-def _csv(subject: Subject, columns: dict[str, Vector]) -> str:
+def _format_csv(subject: Subject, columns: dict[str, Vector]) -> str:
     """Format columns as CSV: Reals with all digits, other types as whole numbers, Booleans as 0 and 1."""
     variables = [subject.variables.get(name) for name in columns]
     convert = [float if v is None or v.type == "Real" else int for v in variables]
@@ -141,7 +141,7 @@ def _csv(subject: Subject, columns: dict[str, Vector]) -> str:
     return text.getvalue()
 
 
-def _about(subject: Subject, recording: Recording) -> str:
+def _describe_recording(subject: Subject, recording: Recording) -> str:
     driven = f"inputs of {recording.inputs.name}" if recording.inputs else f"{recording.shape} as inputs"
     description = subject.description
     made_by = (

@@ -71,17 +71,21 @@ class ReferenceSolution:
     solver_tolerance: float | None = None
 
 
-def find_solution(fmu: Path, given: Path | None) -> Path | None:
+def find_solution(fmu: Path, reference_folder: Path | None) -> Path | None:
     """Return the file with the reference solution beside an FMU, or None.
 
     Args:
         fmu: The FMU file.
-        given: Folder with references; they may be in a subfolder with the FMU's name. Default: the folder of
-            the FMU, then the one above.
+        reference_folder: Folder with references; they may be in a subfolder with the FMU's name. Default: the
+            folder of the FMU, then the one above.
     """
-    around = (fmu.parent, fmu.parent.parent) if given is None else (given, given / fmu.stem)
+    folders = (
+        (fmu.parent, fmu.parent.parent)
+        if reference_folder is None
+        else (reference_folder, reference_folder / fmu.stem)
+    )
     name = f"{fmu.stem}{_SOLUTION}"
-    return next((folder / name for folder in around if (folder / name).is_file()), None)
+    return next((folder / name for folder in folders if (folder / name).is_file()), None)
 
 
 def list_companions(solution: Path) -> list[Path]:
@@ -99,7 +103,7 @@ def read_tolerance(solution: Path) -> Mapping[str, Tolerance]:
     Raises:
         CommandError: The file with them is invalid.
     """
-    return _about(list_companions(solution)[-1]).tolerance
+    return _read_about(list_companions(solution)[-1]).tolerance
 
 
 def read_reference(solution: Path, interface: Interface | None = None) -> ReferenceSolution:
@@ -114,15 +118,15 @@ def read_reference(solution: Path, interface: Interface | None = None) -> Refere
     Raises:
         CommandError: If a file is invalid, or does not fit the variables.
     """
-    given, times, other = list_companions(solution)
-    options = _options(times)
+    input_file, options_file, about_file = list_companions(solution)
+    options = _read_options(options_file)
     start = options.get("StartTime", 0.0)
     columns, notes = read_columns(solution, "the reference", interface, start, has_gaps=True)
     inputs = dict[str, Vector]()
-    if given.is_file():
-        inputs, more = read_columns(given, "the inputs", interface, start)
+    if input_file.is_file():
+        inputs, more = read_columns(input_file, "the inputs", interface, start)
         notes = [*notes, *more]
-    about = _about(other)
+    about = _read_about(about_file)
     time = columns["time"]
     step = options.get("StepSize", 0.0) or options.get("OutputIntervalLength", 0.0)
     return ReferenceSolution(
@@ -139,13 +143,17 @@ def read_reference(solution: Path, interface: Interface | None = None) -> Refere
 
 
 def read_columns(
-    path: Path, what: str, interface: Interface | None = None, start: float = 0.0, has_gaps: bool = False
+    path: Path,
+    description: str,
+    interface: Interface | None = None,
+    start: float = 0.0,
+    has_gaps: bool = False,
 ) -> tuple[dict[str, Vector], list[str]]:
     """Read the columns of a table, in the units and types of an FMU's variables.
 
     Args:
         path: The file.
-        what: Name of the file in messages: `the inputs`.
+        description: Name of the file in messages: `the inputs`.
         interface: The variables; columns with other names are not converted.
         start: The start of the run in s.
         has_gaps: Whether cells may be empty or not finite.
@@ -162,7 +170,7 @@ def read_columns(
     )
     from emla_cosim.inputs.time_columns import read_times
 
-    data = read_table(path, what)
+    data = read_table(path, description)
     variables = interface.variables if interface is not None else {}
     data.match_names(variables)
     time, times = read_times(data, start=start, least=1)
@@ -189,25 +197,25 @@ def read_columns(
     return columns, [f"{data.label} {note}." for note in notes]
 
 
-def _options(path: Path) -> dict[str, float]:
+def _read_options(path: Path) -> dict[str, float]:
     """Read the entries of a `_ref.opt` file; return none if the file does not exist."""
     if not path.is_file():
         return {}
-    found = {}
+    options = {}
     for line in read_text(path, "the options of the reference").splitlines():
         name, _, value = (part.strip() for part in line.partition("//")[0].partition(","))
         if name not in OPTIONS:
             continue  # RelTol is the tolerance of the reference's solver, not one for comparisons
         try:
-            found[name] = float(value)
+            options[name] = float(value)
         except ValueError:
             raise CommandError(f"'{path}' has '{line.strip()}'; write {name}, NUMBER.") from None
-        if not np.isfinite(found[name]):
+        if not np.isfinite(options[name]):
             raise CommandError(f"'{path}' has {name} = {value}; it must be a finite number.")
-    return found
+    return options
 
 
-def _about(path: Path) -> ReferenceTable:
+def _read_about(path: Path) -> ReferenceTable:
     """Read the TOML file of the reference, which may not exist."""
     if not path.is_file():
         return ReferenceTable()

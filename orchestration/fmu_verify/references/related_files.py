@@ -56,13 +56,13 @@ def list_related(unpacked: Path) -> list[RelatedFile]:
         root = read_manifest(manifest).root
     except CommandError as error:
         raise NotRunError(sentence(error)) from error
-    found = []
+    related = []
     for element in root.iterfind("Related"):
         role, _, purpose = element.get("role", "").partition("/")
         source, type_ = element.get("source", ""), element.get("type", "application/octet-stream")
         path = resolve_source(manifest, source, unpacked)
-        found.append(RelatedFile(role, purpose, type_, source, path))
-    return found
+        related.append(RelatedFile(role, purpose, type_, source, path))
+    return related
 
 
 def resolve_source(file: Path, source: str, unpacked: Path) -> Path | None:

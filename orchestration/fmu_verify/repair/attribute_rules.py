@@ -57,7 +57,7 @@ def mend_annotations(root: Any, check: str) -> Iterator[Change]:
     for element in root.iterfind(".//Annotation[@order]"):
         before = describe_element(element)
         del element.attrib["order"]
-        yield Change(check, _where(element), before, describe_element(element))
+        yield Change(check, _locate(element), before, describe_element(element))
 
 
 def _mend_case(root: Any, version: int) -> Iterator[Change]:
@@ -71,7 +71,7 @@ def _mend_case(root: Any, version: int) -> Iterator[Change]:
             after = " ".join(right.get(word.casefold(), word) for word in text.split())
             if words and after != " ".join(text.split()):
                 element.set(name, after)
-                yield Change("description.schema", f"{name} of {_where(element)}", text, after)
+                yield Change("description.schema", f"{name} of {_locate(element)}", text, after)
 
 
 def _is_boolean(element: Any, name: str) -> bool:
@@ -104,7 +104,7 @@ def _mend_types(root: Any, version: int) -> Iterator[Change]:
         near = [name for name in names if name.casefold() == text.casefold()]
         if text not in names and len(near) == 1:
             element.set("declaredType", near[0])
-            yield Change("description.types", f"declaredType of {_where(element)}", text, near[0])
+            yield Change("description.types", f"declaredType of {_locate(element)}", text, near[0])
 
 
 def _mend_repetitions(root: Any, version: int) -> Iterator[Change]:
@@ -119,24 +119,30 @@ def _mend_repetitions(root: Any, version: int) -> Iterator[Change]:
         ("LogCategories/Category", "description.categories"),
         ("UnitDefinitions/Unit", "units.defined"),
     ):
-        seen = set[bytes]()
+        earlier = set[bytes]()
         for element in root.findall(path):
             content = etree.tostring(element, method="c14n", with_tail=False)
-            if content in seen:
+            if content in earlier:
                 element.getparent().remove(element)
                 yield Change(check, f"{path}, twice the same", describe_element(element), "")
-            seen.add(content)
+            earlier.add(content)
 
 
 def _mend_variability(root: Any, version: int) -> Iterator[Change]:
     """Make continuous variables discrete that are not Real, for which FMI 2.0 has no other meaning."""
     for variable in root.iterfind("ModelVariables/ScalarVariable") if version == 2 else ():
         is_real = variable.find("Real") is not None
-        given, causality = variable.get("variability"), variable.get("causality", "local")
-        if is_real or given not in (None, "continuous") or causality not in ("input", "output", "local"):
+        variability, causality = variable.get("variability"), variable.get("causality", "local")
+        if (
+            is_real
+            or variability not in (None, "continuous")
+            or causality not in ("input", "output", "local")
+        ):
             continue
         variable.set("variability", "discrete")
-        yield Change("variables.attributes", f"variability of {_where(variable)}", given or "", "discrete")
+        yield Change(
+            "variables.attributes", f"variability of {_locate(variable)}", variability or "", "discrete"
+        )
 
 
 def _mend_units(root: Any, version: int) -> Iterator[Change]:
@@ -149,27 +155,29 @@ def _mend_units(root: Any, version: int) -> Iterator[Change]:
             continue
         units[name] = element = etree.SubElement(_find_units(root), "Unit", name=name)
         base = etree.SubElement(element, "BaseUnit", _base_attributes(unit))
-        shown = {user.get("displayUnit") for user in users if user.get("unit") == name}
-        for display in sorted(filter(None, shown)):
-            if (other := find_unit(display)) is not None and other.exponents == unit.exponents:
-                etree.SubElement(element, "DisplayUnit", name=display, **_display_attributes(unit, other))
+        display_units = {user.get("displayUnit") for user in users if user.get("unit") == name}
+        for display in sorted(filter(None, display_units)):
+            if (display_unit := find_unit(display)) is not None and display_unit.exponents == unit.exponents:
+                etree.SubElement(
+                    element, "DisplayUnit", name=display, **_display_attributes(unit, display_unit)
+                )
         yield Change("units.defined", f"Unit '{name}'", "", describe_element(base))
 
 
 def _base_attributes(unit: SiUnit) -> dict[str, str]:
     powers = {base: str(unit.powers[base]) for base in BASE_UNITS if base in unit.powers}
     offset = 0.0 if unit.is_difference else unit.offset
-    return powers | _linear(unit.factor, offset)
+    return powers | _write_conversion(unit.factor, offset)
 
 
 def _display_attributes(unit: SiUnit, display: SiUnit) -> dict[str, str]:
     """Return factor and offset from a unit to its display unit: display = factor * unit + offset."""
-    return _linear(unit.factor / display.factor, (unit.offset - display.offset) / display.factor)
+    return _write_conversion(unit.factor / display.factor, (unit.offset - display.offset) / display.factor)
 
 
-def _linear(factor: float, offset: float) -> dict[str, str]:
-    given: Mapping[str, tuple[float, float]] = {"factor": (factor, 1.0), "offset": (offset, 0.0)}
-    return {name: format(x, _NUMBER) for name, (x, default) in given.items() if x != default}
+def _write_conversion(factor: float, offset: float) -> dict[str, str]:
+    numbers: Mapping[str, tuple[float, float]] = {"factor": (factor, 1.0), "offset": (offset, 0.0)}
+    return {name: format(x, _NUMBER) for name, (x, default) in numbers.items() if x != default}
 
 
 def _find_units(root: Any) -> Any:
@@ -182,9 +190,9 @@ def _find_units(root: Any) -> Any:
     return units
 
 
-def _where(element: Any) -> str:
+def _locate(element: Any) -> str:
     """Return the name of the closest element that has one, with its tag."""
-    named = element
-    while named.get("name") is None and named.getparent() is not None:
-        named = named.getparent()
-    return element.tag if named.get("name") is None else f"{named.tag} '{named.get('name')}'"
+    holder = element
+    while holder.get("name") is None and holder.getparent() is not None:
+        holder = holder.getparent()
+    return element.tag if holder.get("name") is None else f"{holder.tag} '{holder.get('name')}'"

@@ -27,8 +27,8 @@ def mend_encoding(content: bytes) -> tuple[bytes, list[Change]]:
         return content, []
     declared = _DECLARATION.match(text)
     before = declared[0].strip() if declared else ""
-    named = _ENCODING.search(before.encode("ascii", "replace"))
-    if named is None or named[1].decode().lower() not in _NAMES_OF_UTF_8:
+    encoding = _ENCODING.search(before.encode("ascii", "replace"))
+    if encoding is None or encoding[1].decode().lower() not in _NAMES_OF_UTF_8:
         changes.append(Change(_CHECK, "the first line", before, _UTF_8))
         text = f"{_UTF_8}\n{text[declared.end() if declared else 0 :]}"
     return (text.encode(), changes) if changes else (content, [])
@@ -39,8 +39,8 @@ def _decode(content: bytes, changes: list[Change]) -> str | None:
     if content.startswith(codecs.BOM_UTF8):
         changes.append(Change(_CHECK, "the byte order mark", "EF BB BF", ""))
         content = content.removeprefix(codecs.BOM_UTF8)
-    found = _ENCODING.match(content[:200].lstrip())
-    declared = "utf-8" if found is None else found[1].decode().lower()
+    match = _ENCODING.match(content[:200].lstrip())
+    declared = "utf-8" if match is None else match[1].decode().lower()
     if content.startswith(_UTF_16):
         declared = "utf-16"
     for encoding in _list_encodings(content, declared):

@@ -67,12 +67,12 @@ def _find_holder(root: Any, version: int) -> Any:
         group = root.find("Annotations")
         if group is None:
             group = etree.SubElement(root, "Annotations")
-        own = next((e for e in group.iterfind("Annotation") if e.get("type") == TYPE), None)
-        return etree.SubElement(group, "Annotation", type=TYPE) if own is None else own
+        holder = next((e for e in group.iterfind("Annotation") if e.get("type") == TYPE), None)
+        return etree.SubElement(group, "Annotation", type=TYPE) if holder is None else holder
     group = root.find("VendorAnnotations")
     if group is None:
         group = etree.Element("VendorAnnotations")
         variables = next(e for e in root if e.tag in _BEFORE_ANNOTATIONS)
         root.insert(root.index(variables), group)
-    own = next((e for e in group.iterfind("Tool") if e.get("name") == TOOL), None)
-    return etree.SubElement(group, "Tool", name=TOOL) if own is None else own
+    holder = next((e for e in group.iterfind("Tool") if e.get("name") == TOOL), None)
+    return etree.SubElement(group, "Tool", name=TOOL) if holder is None else holder

@@ -122,9 +122,9 @@ def _mend_texts(archive: zipfile.ZipFile, folder: Path) -> tuple[dict[str, bytes
         root = parse_xml(content)
     except SyntaxError:
         return {}, [], 2
-    given = root.get("fmiVersion", "")
-    version = 3 if given.startswith("3.") else 2
-    if root.tag != "fmiModelDescription" or not given.startswith(("2.", "3.")):
+    fmi_version = root.get("fmiVersion", "")
+    version = 3 if fmi_version.startswith("3.") else 2
+    if root.tag != "fmiModelDescription" or not fmi_version.startswith(("2.", "3.")):
         return {}, [], version
     texts = dict[str, bytes]()
     changes += mend_attributes(root, version)
@@ -159,9 +159,9 @@ def _mend_other(texts: dict[str, bytes], name: str, content: bytes, check: str) 
         root = parse_xml(content)
     except SyntaxError:
         return
-    if found := list(mend_annotations(root, check)):
+    if changes := list(mend_annotations(root, check)):
         texts[name] = _serialize(root)
-        yield from found
+        yield from changes
 
 
 def _serialize(root: Any) -> bytes:

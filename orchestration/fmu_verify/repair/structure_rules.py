@@ -28,9 +28,9 @@ def mend_structure(subject: Subject) -> Iterator[Change]:
     outputs = {v.index for v in declared.variables if v.causality == "output"}
     yield from mender.add_missing("Outputs", outputs, "structure.outputs")
     doubtful = {v.index for v in declared.variables if not v.possible or v.is_clocked} | list_ignored(subject)
-    wanted = list_initially_unknown(declared) - doubtful
-    yield from mender.drop_surplus("InitialUnknowns", wanted | doubtful)
-    yield from mender.add_missing("InitialUnknowns", wanted, "structure.initial_unknowns")
+    required = list_initially_unknown(declared) - doubtful
+    yield from mender.drop_surplus("InitialUnknowns", required | doubtful)
+    yield from mender.add_missing("InitialUnknowns", required, "structure.initial_unknowns")
     if declared.version == 2:
         yield from mender.sort_initial_unknowns()
     for element in structure.xpath(".//*[@dependencies or @dependenciesKind]"):
@@ -44,7 +44,7 @@ class _Mender:
         self._structure, self._declared = structure, declared
         self._is_3 = declared.version == 3
         self._attribute = "valueReference" if self._is_3 else "index"
-        self._places = {
+        self._index_by_reference = {
             (v.reference if self._is_3 else v.index): v.index for v in reversed(declared.variables)
         }
 
@@ -58,14 +58,14 @@ class _Mender:
 
     def _index(self, element: Any) -> int:
         """Return the position of the variable of an element; 0 for none."""
-        return self._places.get(int(element.get(self._attribute)), 0)
+        return self._index_by_reference.get(int(element.get(self._attribute)), 0)
 
     def _name(self, element: Any) -> str:
         return str(self._declared.variable(self._index(element)) or element.get(self._attribute))
 
-    def add_missing(self, name: str, wanted: set[int], check: str) -> Iterator[Change]:
+    def add_missing(self, name: str, required: set[int], check: str) -> Iterator[Change]:
         """Add variables that a list lacks."""
-        for index in sorted(wanted - {self._index(e) for e in self._list(name)}):
+        for index in sorted(required - {self._index(e) for e in self._list(name)}):
             variable = self._declared.variables[index - 1]
             reference = variable.reference if self._is_3 else index
             tag = LISTS_3[name] if self._is_3 else "Unknown"
@@ -80,26 +80,26 @@ class _Mender:
             parent = self._structure.find(name)
             if parent is None:
                 parent = etree.Element(name)
-                self._structure.insert(self._find_place(_ORDER_2, name), parent)
+                self._structure.insert(self._find_position(_ORDER_2, name), parent)
             later = (e for e in parent.iterfind("Unknown") if self._index(e) > self._index(element))
             after = next(later, None) if name == "InitialUnknowns" else None  # which is in order
             parent.insert(len(parent) if after is None else parent.index(after), element)
             return
-        self._structure.insert(self._find_place(_ORDER_3, LISTS_3[name]), element)
+        self._structure.insert(self._find_position(_ORDER_3, LISTS_3[name]), element)
 
-    def _find_place(self, order: tuple[str, ...], tag: str) -> int:
+    def _find_position(self, order: tuple[str, ...], tag: str) -> int:
         """Return where to insert an element so that those of the structure stay in order."""
         before = order[: order.index(tag) + 1]
-        places = [i for i, e in enumerate(self._structure) if e.tag in before]
-        return places[-1] + 1 if places else 0
+        positions = [i for i, e in enumerate(self._structure) if e.tag in before]
+        return positions[-1] + 1 if positions else 0
 
     def drop_surplus(self, name: str, allowed: set[int]) -> Iterator[Change]:
         """Remove variables that do not belong to a list, and exact repetitions."""
-        check, seen = "structure.initial_unknowns", set[str]()
+        check, earlier = "structure.initial_unknowns", set[str]()
         for element in self._list(name):
             text = describe_element(element)
-            if self._index(element) in allowed and text not in seen:
-                seen.add(text)
+            if self._index(element) in allowed and text not in earlier:
+                earlier.add(text)
                 continue
             parent = element.getparent()
             parent.remove(element)
@@ -110,13 +110,13 @@ class _Mender:
     def sort_initial_unknowns(self) -> Iterator[Change]:
         """Sort InitialUnknowns of FMI 2.0 by index."""
         elements = self._list("InitialUnknowns")
-        found = [self._index(e) for e in elements]
-        if found == sorted(found):
+        current = [self._index(e) for e in elements]
+        if current == sorted(current):
             return
         parent = elements[0].getparent()
         for element in sorted(elements, key=self._index):
             parent.append(element)
-        before, after = (" ".join(map(str, indices)) for indices in (found, sorted(found)))
+        before, after = (" ".join(map(str, indices)) for indices in (current, sorted(current)))
         yield Change("structure.initial_unknowns", "the order of InitialUnknowns", before, after)
 
     def mend_dependencies(self, element: Any) -> Iterator[Change]:
@@ -131,14 +131,14 @@ class _Mender:
         if kinds is not None and len(kinds) != len(words or ()):
             kinds = None
         pairs = list(zip(words or (), kinds or [""] * len(words or ()), strict=True))
-        kept = [pair for pair in pairs if int(pair[0]) in self._places]
+        valid_pairs = [pair for pair in pairs if int(pair[0]) in self._index_by_reference]
         if not self._is_3:
-            kept = sorted(dict.fromkeys(kept), key=lambda pair: int(pair[0]))
-        kept = [(word, self._allowed_kind(element, kind)) for word, kind in kept]
-        has_any = bool(kept) or not pairs
-        _set(element, "dependencies", [word for word, _ in kept] if has_any else None, words)
+            valid_pairs = sorted(dict.fromkeys(valid_pairs), key=lambda pair: int(pair[0]))
+        valid_pairs = [(word, self._allowed_kind(element, kind)) for word, kind in valid_pairs]
+        has_any = bool(valid_pairs) or not pairs
+        _set(element, "dependencies", [word for word, _ in valid_pairs] if has_any else None, words)
         has_kinds = kinds is not None and has_any
-        _set(element, "dependenciesKind", [kind for _, kind in kept] if has_kinds else None, kinds)
+        _set(element, "dependenciesKind", [kind for _, kind in valid_pairs] if has_kinds else None, kinds)
         if (after := describe_element(element)) != before:
             yield Change("structure.dependencies", f"dependencies of {self._name(element)}", before, after)
 

@@ -11,9 +11,9 @@ from emla_cosim.fmu.elements import ElementVariable
 from emla_cosim.fmu.fmi_3_calls import NUMBER_TYPES
 from emla_cosim.fmu.instance import kind_of
 
-from ..host.experiment import span
+from ..host.experiment import read_span
 from ..host.fresh_process import is_single_instance
-from ..host.other_values import settable, start_of
+from ..host.other_values import list_settable, read_start
 from ..subject import Subject
 
 _STEPS = 20
@@ -29,12 +29,12 @@ _PART_OF_STEP = 0.01
 
 def write_plan(subject: Subject, kind: str) -> str:
     """Return the text of plan.h for a kind of an FMU."""
-    start, step, _ = span(subject)
+    start, step, _ = read_span(subject)
     description = subject.description
     model = kind == "ModelExchange"
     version, clocks = subject.version, [] if model else _periodic_clocks(subject)
     real = "Float64" if version == 3 else "Real"
-    continuous = [v for v in settable(subject, "input") if kind_of(v) == real and not v.clocks]
+    continuous = [v for v in list_settable(subject, "input") if kind_of(v) == real and not v.clocks]
     outputs = [v for v in description.modelVariables if v.causality == "output" and kind_of(v) == real]
     outputs = [v for v in outputs if not v.clocks]
     defined: dict[str, Any] = {
@@ -68,7 +68,7 @@ def write_plan(subject: Subject, kind: str) -> str:
     ]
     variables = description.modelVariables
     lines += _group(version, "START", [v for v in _with_start(subject) if v.causality != "input"])
-    inputs = [v for v in settable(subject, "input") if start_of(v) is not None]
+    inputs = [v for v in list_settable(subject, "input") if read_start(v) is not None]
     if model:  # the others cannot be set in continuous-time mode
         inputs = [v for v in inputs if v.type == "Real" and v.variability in (None, "continuous")]
     lines += _group(version, "INPUT", [v for v in inputs if not v.clocks])
@@ -94,7 +94,7 @@ def _with_start(subject: Subject) -> list[ModelVariable]:
     variables_by_reference: dict[tuple[str, int], ModelVariable] = {}
     for v in subject.description.modelVariables:
         allowed = v.variability != "constant" and v.initial in ("exact", "approx")
-        if allowed and v.causality != "independent" and start_of(v) is not None:
+        if allowed and v.causality != "independent" and read_start(v) is not None:
             variables_by_reference.setdefault((kind_of(v), int(v.valueReference)), v)
     return list(variables_by_reference.values())
 
@@ -133,7 +133,7 @@ def _starts(variable: ModelVariable) -> Sequence[Any]:
     """Return the start values of the whole array of an element, or that of a scalar."""
     if isinstance(variable, ElementVariable) and variable.size > 1:
         return variable.array_start
-    return [start_of(variable)]
+    return [read_start(variable)]
 
 
 def _array(ctype: str, name: str, values: Sequence[Any]) -> str:

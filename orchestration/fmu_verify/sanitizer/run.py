@@ -49,7 +49,7 @@ class SanitizedRun:
         has_address: Whether AddressSanitizer was there.
         ran: Whether steps were made.
         judges_leaks: Whether instances were freed, so that what is left is a leak.
-        memory: Errors of AddressSanitizer.
+        memory_faults: Errors of AddressSanitizer.
         leaks: Memory that is left.
         undefined: Messages of UBSan.
         gaps: What the run did not reach, as sentences.
@@ -60,7 +60,7 @@ class SanitizedRun:
     has_address: bool = False
     ran: bool = False
     judges_leaks: bool = False
-    memory: tuple[MemoryFault, ...] = ()
+    memory_faults: tuple[MemoryFault, ...] = ()
     leaks: tuple[Leak, ...] = ()
     undefined: tuple[str, ...] = ()
     gaps: tuple[str, ...] = ()
@@ -116,7 +116,7 @@ def _join(runs: list[SanitizedRun]) -> SanitizedRun:
         has_address=runs[0].has_address,
         ran=all(run.ran for run in runs),
         judges_leaks=all(run.judges_leaks for run in runs),
-        memory=tuple(dict.fromkeys(e for run in runs for e in run.memory)),
+        memory_faults=tuple(dict.fromkeys(e for run in runs for e in run.memory_faults)),
         leaks=tuple({leak.place: leak for run in runs for leak in run.leaks}.values()),
         undefined=tuple(dict.fromkeys(line for run in runs for line in run.undefined)),
         gaps=tuple(dict.fromkeys(gap for run in runs for gap in run.gaps)),
@@ -157,7 +157,7 @@ def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: P
         has_address=compiler.has_address,
         ran=any(call[:4] in _PREFIXES and call[4:] in ("DoStep", "SetTime") for call in calls),
         judges_leaks=compiler.has_address and complete and NO_LEAKS not in text,
-        memory=(memory_fault,) if memory_fault is not None else (),
+        memory_faults=(memory_fault,) if memory_fault is not None else (),
         leaks=tuple(leaks),
         undefined=tuple(undefined),
         gaps=tuple(gaps),
@@ -193,7 +193,7 @@ def _describe_end(calls: list[str], code: int) -> str:
     return f"It ended the process in {call or 'its first call'} ({describe_exit(code)})."
 
 
-def _options(folder: Path, memory: int) -> dict[str, str]:
+def _options(folder: Path, memory_limit: int) -> dict[str, str]:
     """Return environment variables for the sanitizers."""
     common = {
         "log_path": str(folder / "report"),
@@ -204,7 +204,7 @@ def _options(folder: Path, memory: int) -> dict[str, str]:
         "detect_stack_use_after_return": 1,
         "detect_odr_violation": 0,
         "allocator_may_return_null": 1,
-        "hard_rss_limit_mb": max(1, memory >> 20),
+        "hard_rss_limit_mb": max(1, memory_limit >> 20),
     }
     text = ":".join(f"{name}={value}" for name, value in common.items())
     return {"ASAN_OPTIONS": text, "UBSAN_OPTIONS": text, "LSAN_OPTIONS": "print_suppressions=0"}

@@ -27,8 +27,8 @@ Monkey = pytest.MonkeyPatch
 @pytest.mark.parametrize(
     ("name", "value", "gap"),
     [
-        ("_PART", 0.4, ""),
-        ("_PART", 0.0, "Values were read for 0 of 50 steps: more take longer than 0 s."),
+        ("_TIME_FRACTION", 0.4, ""),
+        ("_TIME_FRACTION", 0.0, "Values were read for 0 of 50 steps: more take longer than 0 s."),
         ("MOST", 2, "Only 2 of 6 variables of type {} were read."),
     ],
     ids=["all", "slow run", "many variables"],
@@ -50,8 +50,8 @@ def test_values_that_the_fmu_rejects_are_left_out(tmp_path: Path, monkeypatch: M
     def accept_two(do: Any, subject: Subject, changes: Mapping[str, Any]) -> list[Any]:
         return [in_fresh_process(do, subject, dict(list(changes.items())[:2]))]
 
-    monkeypatch.setattr(values, "where_accepted", accept_two)
-    monkeypatch.setattr(sharing, "where_accepted", accept_two)
+    monkeypatch.setattr(values, "run_where_accepted", accept_two)
+    monkeypatch.setattr(sharing, "run_where_accepted", accept_two)
     subject = unpacked(build_wide_fmu(tmp_path))
     for one in (values.kept, values.reset, sharing.shared):
         outcome = one.examine(subject)

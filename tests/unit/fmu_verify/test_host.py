@@ -19,12 +19,12 @@ from emla_cosim.base.crash_page import read_note
 from emla_cosim.fmu.elements import ElementVariable
 from fmu_verify.checks._sameness import compare_runs
 from fmu_verify.examination import examine_fmu
-from fmu_verify.host.experiment import Experiment, make_experiment, span
+from fmu_verify.host.experiment import Experiment, make_experiment, read_span
 from fmu_verify.host.fresh_process import EndedError, in_fresh_process
 from fmu_verify.host.hosted_instance import CallError, HostedInstance
 from fmu_verify.host.instance_runs import OutputTrajectory, run_alone, step_instance
 from fmu_verify.host.junk import BYTE, fill_memory
-from fmu_verify.host.other_values import other_of
+from fmu_verify.host.other_values import choose_other_value
 from fmu_verify.settings import Settings
 from fmu_verify.subject import Subject
 from fmu_verify.verdict import Verdict
@@ -53,7 +53,7 @@ def _integer(data_type: str, start: int) -> ElementVariable:
     ],
 )
 def test_other_values_fit_into_the_type(variable: ModelVariable, other: object) -> None:
-    assert other_of(variable) == other
+    assert choose_other_value(variable) == other
 
 
 def test_inputs_vary_within_the_limits_of_their_declared_type() -> None:
@@ -87,7 +87,7 @@ def _levels(subject: Subject) -> list[float]:
 def test_steps_are_whole_steps_of_the_solver(internal: str, step: float, tmp_path: Path) -> None:
     """The default experiment has the step size 0.01 s."""
     build = setting("CoSimulation", fmi=3, fixedInternalStepSize=internal)
-    assert span(unpacked(build(tmp_path)))[1] == pytest.approx(step, rel=1e-12)
+    assert read_span(unpacked(build(tmp_path)))[1] == pytest.approx(step, rel=1e-12)
 
 
 def test_variables_of_output_clocks_are_read_when_they_tick(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_variables_of_output_clocks_are_read_when_they_tick(tmp_path: Path) -> N
 
 def _run_with_fault(subject: Subject, fault: int, has_mode: bool, early: bool) -> tuple[str, str, str]:
     """The message, its clause, and the call that was noted last."""
-    instance = HostedInstance(subject, events=has_mode, early=early)
+    instance = HostedInstance(subject, events=has_mode, allows_early_return=early)
     with pytest.raises(CallError) as caught:
         instance.initialize({"period": 0.3, "threshold": 0.35, "end": 0.72, "fault": fault})
         for k in range(8):

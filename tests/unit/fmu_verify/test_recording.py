@@ -15,7 +15,7 @@ from fmpy.util import read_csv
 import emla_cosim as ec
 from fmu_verify.findings import Finding
 from fmu_verify.references.excitation import SHAPES, excite_inputs
-from fmu_verify.references.playback import inputs_at
+from fmu_verify.references.playback import sample_inputs
 from fmu_verify.settings import Settings
 from fmu_verify.verdict import Verdict
 from fmublock import Block, DefaultExperiment, Input, Output, Parameter, build
@@ -233,8 +233,8 @@ def test_discrete_inputs_change_in_the_row_that_says_so(
     times = begin + 1e-3 * np.arange(1001)
     rows = np.array([float(f"{t:.9g}") for t in times])
     values = np.arange(1001.0) % 2 if type_ == "Boolean" else np.arange(1001.0)
-    found = inputs_at(subject, {"time": rows, "u": values}, times)
+    found = sample_inputs(subject, {"time": rows, "u": values}, times)
     np.testing.assert_array_equal(found["u"], values)
     held = values[: len(rows[::10])]
-    between = inputs_at(subject, {"time": rows[::10], "u": held}, times)
+    between = sample_inputs(subject, {"time": rows[::10], "u": held}, times)
     np.testing.assert_array_equal(between["u"], held[np.arange(1001) // 10])
