@@ -56,7 +56,7 @@ class Check:
         return self.name.partition(".")[0]
 
     @property
-    def done(self) -> str:
+    def procedure(self) -> str:
         """What the check does, as one paragraph."""
         return " ".join(inspect.cleandoc(self.examine.__doc__ or "").partition("\n\n")[0].split())
 

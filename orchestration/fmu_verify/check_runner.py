@@ -96,7 +96,7 @@ def make_finding(check: Check, outcome: CheckOutcome, seconds: float = 0.0, vers
             else replace(outcome, verdict=Verdict.WARNING, clause=None)
         )
     clause, hint = outcome.clause or check.clause, outcome.hint or check.hint
-    return Finding(check.name, check.title, outcome, clause, hint, seconds, check.done)
+    return Finding(check.name, check.title, outcome, clause, hint, seconds, check.procedure)
 
 
 def do_check(subject: Any, check: Check) -> CheckOutcome:

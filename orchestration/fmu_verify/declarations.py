@@ -68,7 +68,7 @@ class Dimension:
 
 @dataclass(frozen=True)
 class DeclaredVariable:
-    """A variable. `own` has its own attributes; `attributes` also those of its type."""
+    """A variable. `own_attributes` are those of the variable; `attributes` has also those of its type."""
 
     index: int
     """Position in ModelVariables, from 1."""
@@ -78,7 +78,7 @@ class DeclaredVariable:
     variability: str
     given_initial: str | None
     type: str
-    own: Mapping[str, str]
+    own_attributes: Mapping[str, str]
     attributes: Mapping[str, str]
     multiple_sets: str
     """The attribute canHandleMultipleSetPerTimeInstant; empty without it."""
@@ -128,12 +128,12 @@ class DeclaredVariable:
     @property
     def derivative(self) -> int | None:
         """Position of the variable of which it is the derivative."""
-        return int(self.own["derivative"]) if "derivative" in self.own else None
+        return int(self.own_attributes["derivative"]) if "derivative" in self.own_attributes else None
 
     @property
     def start(self) -> str | None:
         """The start value as written."""
-        return self.own.get("start")
+        return self.own_attributes.get("start")
 
     @property
     def unit(self) -> str | None:
@@ -355,7 +355,7 @@ def _read_variable(
         variability=variability,
         given_initial=element.get("initial"),
         type=value.tag,
-        own=own_attributes,
+        own_attributes=own_attributes,
         attributes={**(declared_type.attributes if declared_type else {}), **own_attributes},
         multiple_sets=element.get("canHandleMultipleSetPerTimeInstant", ""),
         aliases=tuple(e.get("name", "") for e in aliases),

@@ -29,7 +29,7 @@ _PRELOADED_MODULES = ("lief", "numpy.ma", "numpy.random", "encodings.cp437", "im
 class ExaminerJob(NamedTuple):
     """A file to examine, an FMU or a system; its name in reports, and its path as the user wrote it.
 
-    `done` has the findings of an examiner that ended before it was done.
+    `earlier_findings` has the findings of an examiner that ended before it was done.
     """
 
     path: Path
@@ -37,7 +37,7 @@ class ExaminerJob(NamedTuple):
     name: str
     requested_path: Path
     system: SystemKind | None = None
-    done: tuple[Finding, ...] = ()
+    earlier_findings: tuple[Finding, ...] = ()
 
 
 def examine_jobs(channel: Channel, folder: str) -> None:
@@ -75,4 +75,4 @@ def _examine_file(job: ExaminerJob, on_finding: Callable[[Finding], None]) -> Ex
         if job.system is not None:
             return examine_system(job.path, job.system, job.settings, Path(folder).resolve(), on_finding)
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
-        return examine_fmu(subject, on_finding, job.done)
+        return examine_fmu(subject, on_finding, job.earlier_findings)

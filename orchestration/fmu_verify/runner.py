@@ -239,13 +239,15 @@ def _examine(job: ExaminerJob, pool: ChildPool, advance: Callable[[], None]) -> 
     while not pool.is_closed:
         try:
             with pool.member() as examiner:
-                examiner.send(job._replace(done=tuple(findings)))
+                examiner.send(job._replace(earlier_findings=tuple(findings)))
                 while isinstance(answer := examiner.receive(), Finding):
                     findings.append(answer)
                     advance()
                 if isinstance(answer, RunError):
                     raise answer
-                return replace(answer, path=job.given, name=job.name, options=list_options(job.settings))
+                return replace(
+                    answer, path=job.requested_path, name=job.name, options=list_options(job.settings)
+                )
         except ChildEndedError as error:
             if pool.is_closed:
                 break
@@ -269,7 +271,7 @@ def _report_incomplete(job: ExaminerJob, findings: Sequence[Finding]) -> Examine
     if missing := count - len(findings):
         objections += (f"The examination was interrupted: {missing} of {count} checks did not run.",)
     seconds, options = sum(f.seconds for f in findings), list_options(job.settings)
-    return Examined(job.given, {}, reported, seconds, job.name, objections, options=options)
+    return Examined(job.requested_path, {}, reported, seconds, job.name, objections, options=options)
 
 
 def _list_checks(job: ExaminerJob) -> list[Check]:

@@ -60,7 +60,7 @@ def _find_parts_of_version_3(subject: Subject) -> Iterator[str]:
             v for v in variables if v.causality == "structuralParameter"
         ],
         "Values during intermediate updates": [
-            v for v in variables if v.own.get("intermediateUpdate") in ("true", "1")
+            v for v in variables if v.own_attributes.get("intermediateUpdate") in ("true", "1")
         ],
     }
     for label, unexamined in variables_by_label.items():

@@ -34,7 +34,7 @@ IN_SCHEMA = fmi3(
     "modelDescription.xml in XML format as specified by the XML schema file "
     "fmi3ModelDescription.xsd.",
 )
-KEPT = fmi3(
+KEEP_VALUES = fmi3(
     "2.2.7.2",
     "With two exceptions, all variables that are allowed to be set with fmi3Set{VariableType} keep "
     "their respective values until the next call to fmi3Set{VariableType}.",

@@ -13,13 +13,12 @@ from ..check import check
 from ..host.experiment import make_experiment, read_limits, read_span
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import take_in_time, walk
 from ..host.other_values import Values, choose_other_value, list_other_values, list_settable, read_start
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
 from ._clauses import INDICES
-from ._steps import walk
-from ._time import take_in_time
 
 _TIME_FRACTION = 0.5
 """Part of the time limit in which runs are repeated with other inputs."""

@@ -82,7 +82,7 @@ def _find_contradictions(root: Any, subject: Subject) -> Iterator[Problem]:
     configurations = root.findall("BuildConfiguration")
     for name in dict.fromkeys(e.get("modelIdentifier") for e in configurations):
         if name not in identifiers:
-            yield Breach(f"A build configuration is for {name}, which is no modelIdentifier.", _IDENTIFIER)
+            yield Breach(f"A build configuration is for {name}, which is not a modelIdentifier.", _IDENTIFIER)
     fallbacks = [e.get("modelIdentifier") for e in configurations if e.get("platform") is None]
     for name in find_repeated(fallbacks):
         yield Breach(f"{name} has more than one build configuration without a platform.", _FALLBACK)

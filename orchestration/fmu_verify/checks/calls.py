@@ -14,12 +14,10 @@ from ..check import check
 from ..host.experiment import make_experiment, parse_number, read_span
 from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import list_outputs
+from ..host.instance_runs import list_outputs, take_in_time, walk
 from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, failed, fmi3, noted, own_rule, passed, warned
-from ._steps import walk
-from ._time import take_in_time
 
 _ILLEGAL = fmi3(
     "2.2.4",
@@ -286,7 +284,7 @@ class _WrongCall(NamedTuple):
     reference: int
     values: int
     size: int
-    what: str
+    argument_fault: str
 
 
 def _list_wrong_calls(subject: Subject) -> Iterator[_WrongCall]:
@@ -297,14 +295,14 @@ def _list_wrong_calls(subject: Subject) -> Iterator[_WrongCall]:
         yield _WrongCall(function, unknown, 1, 1, f"value reference {unknown}, which no variable has")
     wrong_types = [v for v in declared if v.type in ("Int32", "Int64", "Boolean") and not v.dimensions]
     for variable in wrong_types[:1]:
-        what = f"{variable}, which is of type {variable.type}"
-        yield _WrongCall("fmi3GetFloat64", variable.reference, 1, 1, what)
+        argument_fault = f"{variable}, which is of type {variable.type}"
+        yield _WrongCall("fmi3GetFloat64", variable.reference, 1, 1, argument_fault)
     doubles = [v for v in subject.of_causality("output", "local") if getattr(v, "data_type", "") == "Float64"]
     for v in doubles[:1]:
         size = getattr(v, "size", 1)
         for count in (0, size + 1):
-            what = f"{count} values for the {size} of {v.name.partition('[')[0]}"
-            yield _WrongCall("fmi3GetFloat64", int(v.valueReference), count, size, what)
+            argument_fault = f"{count} values for the {size} of {v.name.partition('[')[0]}"
+            yield _WrongCall("fmi3GetFloat64", int(v.valueReference), count, size, argument_fault)
 
 
 def _describe_accepted_call(subject: Subject, wrong: _WrongCall) -> str:
@@ -314,7 +312,7 @@ def _describe_accepted_call(subject: Subject, wrong: _WrongCall) -> str:
         instance.begin_initialization(read_span(subject)[0])
     else:
         instance.initialize(None, read_span(subject)[0])
-    instance.circumstance = f" with {wrong.what}"
+    instance.circumstance = f" with {wrong.argument_fault}"
     reference, values = (c_uint * 1)(wrong.reference), (c_double * (wrong.size + 1))()
     status = instance.status(wrong.function, reference, 1, values, wrong.values)
-    return f"{wrong.function} with {wrong.what}." if status in FINE else ""
+    return f"{wrong.function} with {wrong.argument_fault}." if status in FINE else ""

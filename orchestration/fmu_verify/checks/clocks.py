@@ -143,7 +143,7 @@ def _judge_clocks_of_variable(variable: DeclaredVariable, declared: Declarations
         if (clock := declared.variable(index)) is None:
             yield Breach(f"{variable} belongs to {declared.describe_missing(index)}.", _CLOCKS)
         elif clock.type != "Clock":
-            yield Breach(f"{variable} belongs to {clock}, which is no Clock.", _CLOCKS)
+            yield Breach(f"{variable} belongs to {clock}, which is not a Clock.", _CLOCKS)
     if variable.variability not in ("discrete", "tunable"):
         yield Breach(f"{variable} belongs to a Clock, but is {variable.variability}.", _CLOCKED)
 

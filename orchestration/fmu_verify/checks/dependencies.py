@@ -269,7 +269,7 @@ def _find_invalid_entries(
 def _find_unlisted(
     instance: HostedInstance, entries_by_output: dict[int, list[ElementDependency]]
 ) -> Iterator[str]:
-    """Yield elements of outputs that change with an element of an input which is no dependency of theirs."""
+    """Yield elements of outputs that change with an element of an input on which they do not depend."""
     subject = instance.subject
     unknowns = [
         v
@@ -295,4 +295,4 @@ def _find_unlisted(
                     and not are_same(old_value, new_value)
                     and not any(e.has(unknown, known) for e in entries)
                 ):
-                    yield f"{unknown.name} changes with {known.name}, which is no dependency of it."
+                    yield f"{unknown.name} changes with {known.name}, which is not a dependency of it."

@@ -31,7 +31,7 @@ _MAX_ERROR = 1e-3
 """Allowed relative error of a derivative; that of the differences is smaller."""
 
 _MIN_WRONG_POINTS = 2
-"""Points with a wrong derivative that are no accident."""
+"""Points with a wrong derivative from which it counts: one may be a kink."""
 
 _ROUNDING = 1e-13
 """Relative change of an unknown that is lost in rounding."""

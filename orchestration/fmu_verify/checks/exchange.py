@@ -8,12 +8,11 @@ from ..check import check
 from ..host.experiment import MOST_STEPS, Experiment, make_experiment
 from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import HostedInstance
-from ..host.instance_runs import OutputTrajectory, list_outputs, run_alone
+from ..host.instance_runs import OutputTrajectory, list_outputs, run_alone, walk
 from ..messages import join_few_names
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, Verdict, fmi3, noted, passed, skipped, warned
 from ._sameness import compare_runs, describe_differences
-from ._steps import walk
 
 _MOST_CALLS, _FEWEST_STEPS = 50_000, 2
 """Most calls of a run with values exchanged one by one, and its fewest steps."""

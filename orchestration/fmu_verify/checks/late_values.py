@@ -12,13 +12,12 @@ from ..check import check
 from ..host.experiment import read_span
 from ..host.fresh_process import in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import take_in_time, walk
 from ..host.other_values import are_same, choose_other_value, format_value, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, skipped
-from ._clauses import KEPT
-from ._steps import walk
-from ._time import take_in_time
+from ._clauses import KEEP_VALUES
 
 _STEPS = 6
 _MORE_STEPS = 60
@@ -48,7 +47,7 @@ class _LateEffect(NamedTuple):
         'Whenever a parameter or input signal with variability = "tunable" changes, an event is triggered '
         "externally (ModelExchange), or the change is performed at the next Communication Point "
         "(Co-Simulation)",
-        in_3=KEPT,
+        in_3=KEEP_VALUES,
     ),
     "Compute with the present value of each input and tunable parameter in each step, not with a copy of it.",
     needs=("run.deterministic", "run.finite"),

@@ -134,7 +134,7 @@ def _suffix_of(kind: str) -> str:
 def _measure(call: Callable[[], object], seconds: float) -> float:
     """Return the bytes that a call keeps; 0 if it keeps none."""
     counts = read_allocated() is not None
-    call()  # what is allocated once is no leak
+    call()  # what is allocated once is not a leak
     used, numbers = [_read_memory(counts)], list[int]()
     for _ in range(_BATCHES):
         until, number = clock.monotonic() + seconds, 0

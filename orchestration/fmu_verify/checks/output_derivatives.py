@@ -7,10 +7,10 @@ from emla_cosim.base.arrays import Vector
 from ..check import check
 from ..host.experiment import make_experiment
 from ..host.hosted_instance import HostedInstance
+from ..host.instance_runs import walk
 from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, passed, skipped, warned
-from ._steps import walk
 
 _MOST_ORDERS = 3
 _LATE_RATIO = 0.1

@@ -73,7 +73,7 @@ def resources(subject: Subject) -> CheckOutcome:
 def _grown(subject: Subject) -> tuple[dict[str, int], dict[str, int]]:
     """Return how many resources the first instance leaves, and how many the later ones."""
     adopt_orphans()
-    if not is_single_instance(subject):  # what the library opens once is no leak
+    if not is_single_instance(subject):  # what the library opens once is not a leak
         HostedInstance(subject).free()
     before = count_resources()
     try:
@@ -213,7 +213,7 @@ def _checksum(path: Path) -> int:
 
 
 _QUIET = 4096
-"""Bytes to a stream in a short run that are no flood."""
+"""Bytes to a stream in a short run that are not a flood."""
 
 
 @check(

@@ -15,13 +15,11 @@ from ..check import check
 from ..host.experiment import Experiment, make_experiment, read_span
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import OutputTrajectory, list_outputs, step_instance
+from ..host.instance_runs import OutputTrajectory, list_outputs, step_instance, take_in_time, walk
 from ..host.other_values import Values, list_other_values, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, own_rule, skipped
-from ._steps import walk
-from ._time import take_in_time
 
 _MAX_TIME_ERROR = 1e-3
 """Distance of the FMU's time from the end of a step, relative to the step, that counts."""

@@ -15,7 +15,7 @@ from ..check import check
 from ..host.experiment import make_experiment, read_span
 from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import OutputTrajectory, list_outputs
+from ..host.instance_runs import OutputTrajectory, list_outputs, walk
 from ..messages import join_few_names, sentence
 from ..references.experiments import (
     SSV,
@@ -34,7 +34,6 @@ from ..references.related_files import SRMD, RelatedFile, find_fault, is_of_type
 from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, Clause, NotRunError, Verdict, failed, passed, skipped, warned
 from ._sameness import ROUNDING, compare_runs
-from ._steps import walk
 from .states import restore_bytes
 
 _FACTOR, _TIME_FRACTION = 6.0, 0.8

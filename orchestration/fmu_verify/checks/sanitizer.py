@@ -88,7 +88,7 @@ def leaks(subject: Subject) -> CheckOutcome:
         reason = "The run with LeakSanitizer did not come to its end."
         return skipped(reason, gaps=(reason,))
     problems = [
-        f"{leak.place} allocates {count_bytes(leak.size)} that are never freed." for leak in run.leaks
+        f"{leak.source_line} allocates {count_bytes(leak.size)} that are never freed." for leak in run.leaks
     ]
     return judge_problems(problems, "After the instances were freed, no memory is left.")
 

@@ -8,11 +8,11 @@ from ..check import check
 from ..host.experiment import make_experiment, read_span
 from ..host.fresh_process import in_fresh_process, is_single_instance
 from ..host.hosted_instance import HostedInstance
+from ..host.instance_runs import walk
 from ..host.other_values import MOST, Values, list_other_values, list_settable, run_where_accepted
 from ..subject import Subject
 from ..verdict import CheckOutcome, Verdict, failed, skipped
 from ._clauses import SEVERAL
-from ._steps import walk
 from .values import judge_unchanged, read_values
 
 _ROUNDING = 1e-9

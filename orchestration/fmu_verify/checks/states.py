@@ -10,12 +10,11 @@ from ..check import check
 from ..host.experiment import Experiment, make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance, SerializedState
-from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance
+from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance, take_in_time
 from ..host.process_state import can_read_memory, list_writable_memory, read_memory
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, Verdict, failed, fmi3, noted, passed, skipped
 from ._sameness import compare_runs
-from ._time import take_in_time
 from .memory import read_allocated
 
 _ALLOWED = 0.1
@@ -94,7 +93,7 @@ _TIME_FRACTION = 0.05
 """Part of the time limit in which that ends: states can be large."""
 
 _MIN_GROWTH = 2.0**16, 2.0**12
-"""Bytes by which the process must grow each time, counted by pages, which a few are no leak, and exactly."""
+"""Bytes by which the process must grow each time, counted by pages (a few are not a leak), and exactly."""
 
 
 def _measure_growth(instance: HostedInstance) -> float:

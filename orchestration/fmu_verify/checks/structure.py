@@ -204,7 +204,7 @@ def _judge_event_indicators(declared: Declarations) -> Iterator[Problem]:
 
 
 def _find_misdirected(declared: Declarations) -> Iterator[Problem]:
-    """Yield derivatives of what is no other Real variable."""
+    """Yield derivatives of what is not another Real variable."""
     for variable in declared.variables:
         index = variable.derivative
         if index is None:

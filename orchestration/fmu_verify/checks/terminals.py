@@ -101,13 +101,13 @@ def _judge_level(level: list[Any], names: set[str]) -> Iterator[Problem]:
         members = terminal.findall("TerminalMemberVariable")
         for member in members:
             if member.get("variableName") not in names:
-                message = f"{member.get('variableName')}, which is no variable"
+                message = f"{member.get('variableName')}, which is not a variable"
                 yield Breach(f"The terminal {terminal.get('name')} has {message}.", _VARIABLE)
         for member in terminal.findall("TerminalStreamMemberVariable"):
             for name in (member.get("inStreamVariableName"), member.get("outStreamVariableName")):
                 if name not in names:
                     yield Breach(
-                        f"The terminal {terminal.get('name')} has {name}, which is no variable.", _STREAM
+                        f"The terminal {terminal.get('name')} has {name}, which is not a variable.", _STREAM
                     )
         if terminal.get("matchingRule") in ("plug", "bus"):
             member_names = [m.get("memberName") for m in members]

@@ -132,7 +132,7 @@ class _VaryingRun:
         instance.initialize({**course.at(0), **self._yield_parameters}, float(course.times[0]))
         yield float(course.times[0]), instance
         limit = _TIME_FRACTION * subject.settings.seconds
-        until = clock.monotonic() + limit  # a slow FMU is no fault
+        until = clock.monotonic() + limit  # a slow FMU is not a fault
         for k in range(steps):
             if clock.monotonic() > until:
                 self.gaps = (

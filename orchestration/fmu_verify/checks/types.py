@@ -73,7 +73,7 @@ def _name_of_kind(declared: Declarations) -> str:
 def _judge_uses(declared: Declarations) -> Iterator[Problem]:
     by_name = {t.name: t for t in declared.types}
     for variable in declared.variables:
-        name = variable.own.get("declaredType")
+        name = variable.own_attributes.get("declaredType")
         if name is None:
             continue
         if name not in by_name:

@@ -87,7 +87,7 @@ def _repeated(declared: Declarations) -> Iterator[Problem]:
 
 
 def _undefined(declared: Declarations) -> Iterator[Problem]:
-    used = [(v.name, v.own.get("unit")) for v in declared.variables]
+    used = [(v.name, v.own_attributes.get("unit")) for v in declared.variables]
     used += [(f"the type {t.name}", t.attributes.get("unit")) for t in declared.types]
     for who, unit in used:
         if unit is not None and unit not in declared.units_by_name:

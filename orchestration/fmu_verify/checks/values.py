@@ -21,7 +21,7 @@ from ..host.other_values import (
 from ..messages import Breach, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, in_both, skipped
-from ._clauses import KEPT
+from ._clauses import KEEP_VALUES
 from .states import restore_bytes, save_bytes
 
 _EXACT = Clause(
@@ -101,7 +101,7 @@ def read_values(instance: HostedInstance, names: Sequence[str]) -> Values:
         "2.1.7",
         "Set parameters, inputs, and start values, and re-initialize caching of variables that depend on "
         "these variables",
-        in_3=KEPT,
+        in_3=KEEP_VALUES,
     ),
     "Store the value in fmi2SetXXX, or return fmi2Discard or fmi2Error if it cannot be taken.",
     needs=("run.completes",),

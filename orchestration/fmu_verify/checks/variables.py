@@ -167,7 +167,10 @@ def _judge_version_3(declared: Declarations, independent: Sequence[str]) -> Iter
     for variable in declared.variables:
         if variable.causality == "independent" and not variable.is_real:
             yield Breach(f"{variable} is independent, but of type {variable.type}.", _INDEPENDENT)
-        if variable.own.get("intermediateUpdate") in ("true", "1") and variable.variability != "continuous":
+        if (
+            variable.own_attributes.get("intermediateUpdate") in ("true", "1")
+            and variable.variability != "continuous"
+        ):
             yield Breach(f"{variable} has intermediateUpdate, but is {variable.variability}.", _INTERMEDIATE)
 
 
@@ -183,13 +186,13 @@ def _find_reinitialized(declared: Declarations) -> Iterator[Problem]:
     """Yield variables with the attribute reinit that are neither states nor aliases of states."""
     states = {v.value_key for i in declared.states() if (v := declared.variable(i)) is not None}
     for variable in declared.variables:
-        if "reinit" in variable.own and variable.value_key not in states:
+        if "reinit" in variable.own_attributes and variable.value_key not in states:
             yield Breach(f"{variable} has reinit, but is not a continuous-time state.", _REINIT)
 
 
 def _find_model_exchange_attributes(variable: DeclaredVariable) -> Iterator[Problem]:
     has = {
-        "reinit": "reinit" in variable.own,
+        "reinit": "reinit" in variable.own_attributes,
         "canHandleMultipleSetPerTimeInstant": variable.multiple_sets != "",
     }
     for attribute in (name for name, present in has.items() if present):

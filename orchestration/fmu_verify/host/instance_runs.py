@@ -4,6 +4,7 @@ import hashlib
 import math
 import pickle
 import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -154,3 +155,30 @@ def _path_of_run(subject: Subject, course: Experiment, name: str) -> Path:
 
 def _whole_run(subject: Subject, course: Experiment, kind: str) -> OutputTrajectory:
     return run_instance(HostedInstance(subject, kind=kind), course)
+
+
+def walk(
+    instance: HostedInstance,
+    times: Iterable[float],
+    step: float,
+    prepare: Callable[[int], object] = lambda _: None,
+) -> Iterator[int]:
+    """Step an instance from each of these times in s, and yield the number of steps that it has made.
+
+    `prepare` gets the number of a step, from 0, before it. The walk ends early if the FMU asks for it.
+    """
+    for k, start in enumerate(times):
+        prepare(k)
+        instance.step(float(start), step)
+        if instance.terminated:
+            return
+        yield k + 1
+
+
+def take_in_time(items: Iterable[Any], seconds: float) -> Iterator[Any]:
+    """Yield items until a time in s has passed, counted from the first one: a slow FMU is not a fault."""
+    until = time.monotonic() + seconds
+    for item in items:
+        if time.monotonic() > until:
+            return
+        yield item

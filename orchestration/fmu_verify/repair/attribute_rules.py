@@ -1,14 +1,19 @@
-"""Mend attributes and elements that have one right form: case, dates, annotations, repetitions, units."""
+"""Mend attributes and elements that have one right form: case, dates, annotations, repetitions, units.
+
+Identifier and GUID must be those of the libraries, which are only read.
+"""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
+from pathlib import PurePosixPath
 from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from emla_cosim.base.units import BASE_UNITS, SiUnit, find_unit
 
+from ..c_sources import BUILD_DESCRIPTION
 from .record import Change, describe_element
 
 _DATE = "generationDateAndTime"
@@ -34,6 +39,9 @@ _WORDS = {
 _BOOLEANS = re.compile(r"(can|needs|provides|has|completed)[A-Z]\w*|relativeQuantity")
 _BEFORE_UNITS = ("ModelExchange", "CoSimulation", "ScheduledExecution")
 _NUMBER = ".17g"
+_GUID = re.compile(r"\{?([0-9A-Fa-f-]{16,64})\}?")
+_SUFFIXES = (".so", ".dll", ".dylib")
+_KIND_ELEMENTS = "ModelExchange | CoSimulation | ScheduledExecution"
 
 
 def mend_attributes(root: Any, version: int) -> Iterator[Change]:
@@ -196,3 +204,38 @@ def _locate(element: Any) -> str:
     while holder.get("name") is None and holder.getparent() is not None:
         holder = holder.getparent()
     return element.tag if holder.get("name") is None else f"{holder.tag} '{holder.get('name')}'"
+
+
+def find_libraries(names: list[str]) -> list[str]:
+    """Return the entries of an archive that are libraries of platforms."""
+    paths = ((name, PurePosixPath(name)) for name in names)
+    return [n for n, p in paths if len(p.parts) == 3 and p.parts[0] == "binaries" and p.suffix in _SUFFIXES]
+
+
+def mend_identifier(root: Any, names: list[str]) -> Iterator[Change]:
+    """Mend a modelIdentifier that differs from the names of all libraries in case only."""
+    stems = {PurePosixPath(name).stem for name in find_libraries(names)}
+    for kind in (
+        root.xpath(_KIND_ELEMENTS) if BUILD_DESCRIPTION not in names else ()
+    ):  # it has the identifier, too
+        identifier = kind.get("modelIdentifier", "")
+        near = [stem for stem in stems if stem.casefold() == identifier.casefold()]
+        if identifier not in stems and len(near) == 1:
+            kind.set("modelIdentifier", near[0])
+            yield Change("binaries.present", f"modelIdentifier of {kind.tag}", identifier, near[0])
+
+
+def mend_guid(root: Any, version: int, libraries: Mapping[str, bytes]) -> Iterator[Change]:
+    """Mend a GUID that libraries have in another case, or with braces; all libraries must agree."""
+    name = "instantiationToken" if version == 3 else "guid"
+    guid = root.get(name, "")
+    if (match := _GUID.fullmatch(guid)) is None:
+        return
+    # the end of a text in the data of a library, whose beginning need not follow a zero
+    pattern = re.compile(rb"(?<![\w{-])(\{?" + re.escape(match[1].encode()) + rb"\}?)(?=\0)", re.IGNORECASE)
+    spellings = {m[1].decode() for content in libraries.values() for m in pattern.finditer(content)}
+    # a library without the GUID could have it in another form
+    if len(spellings) == 1 and guid not in spellings and all(pattern.search(c) for c in libraries.values()):
+        (after,) = spellings
+        root.set(name, after)
+        yield Change("instance.guid", name, guid, after)

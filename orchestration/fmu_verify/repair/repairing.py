@@ -18,14 +18,20 @@ from emla_cosim.base.output_files import OutputFile, has_mark
 from emla_cosim.base.untrusted_xml import parse_xml
 from emla_cosim.fmu.document import DESCRIPTION, TERMINALS
 
+from ..c_sources import BUILD_DESCRIPTION
 from ..catalogue import STATIC
 from ..checks.description import find_schema_problems
 from ..findings import Examined, Finding
 from ..runner import verify
 from ..subject import Subject
 from ..verdict import Verdict
-from .attribute_rules import mend_annotations, mend_attributes
-from .binary_rules import find_libraries, mend_guid, mend_identifier
+from .attribute_rules import (
+    find_libraries,
+    mend_annotations,
+    mend_attributes,
+    mend_guid,
+    mend_identifier,
+)
 from .encoding_rules import mend_encoding
 from .record import Change, write_record
 from .structure_rules import mend_structure
@@ -34,7 +40,6 @@ _MARK = b"repaired by emla-cosim"
 """The comment of a repaired archive. A key of our own FMUs must not stay, because the content is another."""
 
 _SYSTEM = "SystemStructure.ssd"
-_BUILD = "sources/buildDescription.xml"
 _UNAFFECTED = ("symbols", "imports", "loads", "version", "compile")
 """Static checks that text cannot change; they load, parse or compile binaries and sources."""
 
@@ -131,7 +136,7 @@ def _mend_texts(archive: zipfile.ZipFile, folder: Path) -> tuple[dict[str, bytes
     changes += mend_identifier(root, names)
     changes += mend_guid(root, version, {name: archive.read(name) for name in find_libraries(names)})
     changes += _mend_lists(root, version, folder)
-    for name, check in ((TERMINALS, "description.terminals"), (_BUILD, "sources.description")):
+    for name, check in ((TERMINALS, "description.terminals"), (BUILD_DESCRIPTION, "sources.description")):
         if version == 3 and name in names:
             changes += _mend_other(texts, name, archive.read(name), check)
     if changes:

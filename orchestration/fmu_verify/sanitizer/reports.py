@@ -58,7 +58,7 @@ class Leak:
     """Memory that was not freed: bytes, and where it was allocated."""
 
     size: int
-    place: str
+    source_line: str
 
 
 def read_memory_error(text: str, sources: Path, call: str = "") -> MemoryFault | None:

@@ -117,7 +117,7 @@ def _join(runs: list[SanitizedRun]) -> SanitizedRun:
         ran=all(run.ran for run in runs),
         judges_leaks=all(run.judges_leaks for run in runs),
         memory_faults=tuple(dict.fromkeys(e for run in runs for e in run.memory_faults)),
-        leaks=tuple({leak.place: leak for run in runs for leak in run.leaks}.values()),
+        leaks=tuple({leak.source_line: leak for run in runs for leak in run.leaks}.values()),
         undefined=tuple(dict.fromkeys(line for run in runs for line in run.undefined)),
         gaps=tuple(dict.fromkeys(gap for run in runs for gap in run.gaps)),
     )
