@@ -28,12 +28,13 @@ GOOD = examined(
         (replace(ordinary(), complete=False), "2 FMUs: incomplete"),
     ],
 )
-def test_message(given: Report, text: str, tmp_path: Path) -> None:
-    given.save_badge(tmp_path / "badge.svg")
+def test_message(report_: Report, text: str, tmp_path: Path) -> None:
+    report_.save_badge(tmp_path / "badge.svg")
     image = etree.fromstring((tmp_path / "badge.svg").read_bytes())
     assert image.get("aria-label") == text == image.findtext("{*}title")
-    shown = list(image.iter("{*}text"))
-    assert ": ".join(one.text for one in shown) == text
+    texts = list(image.iter("{*}text"))
+    assert ": ".join(element.text for element in texts) == text
     assert all(
-        float(one.get("x")) + float(one.get("textLength")) < float(image.get("width")) for one in shown
+        float(element.get("x")) + float(element.get("textLength")) < float(image.get("width"))
+        for element in texts
     )

@@ -188,8 +188,12 @@ def test_fault_is_reported_by_its_check(broken: Broken, tmp_path: Path) -> None:
         settings = replace(broken.settings, only=(broken.check,))
         examined = examined_all([(broken, settings)], tmp_path)[broken.name]
     else:
-        apart = CALLING if broken not in SAFE_TO_RUN else (broken.check,) if broken.check in CALLING else ()
-        examined = examine(broken.build(tmp_path), broken.check, settings=broken.settings, apart=apart)
+        separate_checks = (
+            CALLING if broken not in SAFE_TO_RUN else (broken.check,) if broken.check in CALLING else ()
+        )
+        examined = examine(
+            broken.build(tmp_path), broken.check, settings=broken.settings, apart=separate_checks
+        )
     reported = _reported(examined)
     assert list(reported) == [broken.check], reported
     assert examined[broken.check].verdict == broken.verdict
@@ -217,8 +221,8 @@ def test_fault_is_reported_by_no_other_check(
     origin = good[next(name for name, members in ORIGINS if broken in members)]
     if request.node.get_closest_marker("slow") or request.node.get_closest_marker("nightly"):
         settings = replace(broken.settings, skip=tuple({"instance.cycles"} - {broken.check}))
-        found = examined_all([(broken, settings), (origin, settings)], tmp_path)
-        examined, before = found[broken.name], found[origin.name]
+        reports = examined_all([(broken, settings), (origin, settings)], tmp_path)
+        examined, before = reports[broken.name], reports[origin.name]
     else:
         settings = Settings(skip=(*CALLING, "sources.compile"))
         examined, before = (examine(b.build(tmp_path), settings=settings) for b in (broken, origin))

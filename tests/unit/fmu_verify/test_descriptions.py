@@ -39,8 +39,8 @@ def variable(name: str) -> str:
 
 def scalar(name: str, reference: int, element: str = "<Real/>", **attributes: str) -> str:
     """Return the element of a variable."""
-    given = "".join(f' {key}="{value}"' for key, value in attributes.items())
-    return f'<ScalarVariable name="{name}" valueReference="{reference}"{given}>{element}</ScalarVariable>'
+    written = "".join(f' {key}="{value}"' for key, value in attributes.items())
+    return f'<ScalarVariable name="{name}" valueReference="{reference}"{written}>{element}</ScalarVariable>'
 
 
 def with_variable(name: str, reference: int, element: str = "<Real/>", **attributes: str) -> Build:
@@ -50,8 +50,8 @@ def with_variable(name: str, reference: int, element: str = "<Real/>", **attribu
 
 def unit(name: str, **base: object) -> Edit:
     """Append a unit."""
-    given = "".join(f' {key}="{value}"' for key, value in base.items())
-    return append("UnitDefinitions", f'<Unit name="{name}"><BaseUnit{given}/></Unit>')
+    written = "".join(f' {key}="{value}"' for key, value in base.items())
+    return append("UnitDefinitions", f'<Unit name="{name}"><BaseUnit{written}/></Unit>')
 
 
 def with_unit(name: str, **base: object) -> Build:
@@ -206,7 +206,7 @@ ALLOWED = {
 
 
 @pytest.mark.parametrize("name", ALLOWED)
-def test_what_the_standard_allows_passes(name: str, tmp_path: Path) -> None:
+def test_allowed_declarations_pass(name: str, tmp_path: Path) -> None:
     assert list_problems(examine(ALLOWED[name](tmp_path), *NAMES)) == {}
 
 

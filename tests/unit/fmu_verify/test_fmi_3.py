@@ -36,22 +36,22 @@ def _in_tier(model: str) -> Any:
 def test_our_fmus_pass(model: str, options: tuple[str, ...], tmp_path: Path) -> None:
     to = ["--output", str(tmp_path), "--platform", fmpy.platform, "--fmi", "3", *options]
     assert CliRunner().invoke(app, ["build", model, *to]).exit_code == 0
-    (one,) = ec.verify(tmp_path / model / f"{model}.fmu").examined
-    assert one.passed, one.of(Verdict.FAILED)
-    assert one.of(Verdict.WARNING) == []
+    (fmu_report,) = ec.verify(tmp_path / model / f"{model}.fmu").examined
+    assert fmu_report.passed, fmu_report.of(Verdict.FAILED)
+    assert fmu_report.of(Verdict.WARNING) == []
     passed = {"state.serialized", "sanitizer.address"}
     passed |= {"clocks.intervals", "clocks.ticks"} if options else {"reference.agrees"}  # in the FMU
-    passed |= {"model_exchange.runs"} if "ModelExchange" in one.facts["kinds"] else set()
-    assert passed <= {f.check for f in one.of(Verdict.PASSED)}
+    passed |= {"model_exchange.runs"} if "ModelExchange" in fmu_report.facts["kinds"] else set()
+    assert passed <= {f.check for f in fmu_report.of(Verdict.PASSED)}
 
 
 def test_messages_are_in_terms_of_fmi_3(tmp_path: Path) -> None:
     (path := tmp_path / "Toy.fmu").write_bytes(good_bytes(fmi=3))
-    one = examine(
+    fmu_report = examine(
         path, "archive", "description", "variables", "structure", "run", "calls.arguments", apart=()
     )
-    assert one.passed and all(f.clause.document != "FMI 2.0.4" for f in one.findings)
-    texts = [text for f in one.findings for text in (f.sentence, f.title, f.hint, *f.outcome.gaps)]
+    assert fmu_report.passed and all(f.clause.document != "FMI 2.0.4" for f in fmu_report.findings)
+    texts = [text for f in fmu_report.findings for text in (f.sentence, f.title, f.hint, *f.outcome.gaps)]
     assert not any("fmi2" in text for text in texts)
 
 
@@ -59,10 +59,10 @@ def test_messages_are_in_terms_of_fmi_3(tmp_path: Path) -> None:
 def test_clocks_of_all_kinds_tick(clock: str, tmp_path: Path) -> None:
     """The FMU refuses ticks at other times, and steps over a tick."""
     path = build_event_fmu(tmp_path / "Clocked.fmu", clock=clock)
-    one = examine(path, "run.completes", "state.serialized", "clocks", apart=())
-    assert one["state.serialized"].verdict == Verdict.PASSED, one.of(Verdict.FAILED)
-    assert one["clocks.ticks"].verdict == Verdict.PASSED
-    silent = any("did not tick" in gap for gap in one["run.completes"].outcome.gaps)
+    fmu_report = examine(path, "run.completes", "state.serialized", "clocks", apart=())
+    assert fmu_report["state.serialized"].verdict == Verdict.PASSED, fmu_report.of(Verdict.FAILED)
+    assert fmu_report["clocks.ticks"].verdict == Verdict.PASSED
+    silent = any("did not tick" in gap for gap in fmu_report["run.completes"].outcome.gaps)
     assert silent == (clock == "countdown")  # its state never reaches the threshold
 
 
@@ -70,9 +70,11 @@ def test_clock_within_steps_that_cannot_vary_is_reported(tmp_path: Path) -> None
     path = build_event_fmu(tmp_path / "Clocked.fmu", clock="periodic", varies=False, early=False)
     experiment = '<DefaultExperiment stepSize="0.03"/>'
     edit_description(path, path, "<ModelVariables>", f"{experiment}<ModelVariables>")
-    one = examine(path, "run")
-    assert one["run.completes"].verdict == Verdict.SKIPPED
-    assert not one.passed and any("cannot vary its step size" in text for text in one.objections)
+    fmu_report = examine(path, "run")
+    assert fmu_report["run.completes"].verdict == Verdict.SKIPPED
+    assert not fmu_report.passed and any(
+        "cannot vary its step size" in text for text in fmu_report.objections
+    )
 
 
 def without_event_mode(folder: Path) -> Path:
@@ -89,10 +91,12 @@ def triggered_from_outside(folder: Path) -> Path:
     [(without_event_mode, "It has Clocks"), (triggered_from_outside, "triggered from outside")],
 )
 def test_fmu_with_unsupported_clocks_is_not_called(build: Build, words: str, tmp_path: Path) -> None:
-    one = examine(build(tmp_path), "instance.created", "run")
-    assert one["run.completes"].verdict == Verdict.SKIPPED
-    assert not one.passed
-    assert all(any(words in text for text in texts) for texts in (one.objections, one.not_examined))
+    fmu_report = examine(build(tmp_path), "instance.created", "run")
+    assert fmu_report["run.completes"].verdict == Verdict.SKIPPED
+    assert not fmu_report.passed
+    assert all(
+        any(words in text for text in texts) for texts in (fmu_report.objections, fmu_report.not_examined)
+    )
 
 
 @needs_cc
@@ -100,17 +104,17 @@ def test_fmu_with_unsupported_clocks_is_not_called(build: Build, words: str, tmp
 @pytest.mark.parametrize("clock", [None, 0.025])
 def test_sources_of_fmi_3_run_with_sanitizers(clock: float | None, tmp_path: Path) -> None:
     (tmp_path / "Toy.fmu").write_bytes(good_bytes(fmi=3, clock=clock))
-    (one,) = ec.verify(tmp_path / "Toy.fmu", only=["sanitizer"]).examined
-    assert [f.verdict for f in one.findings] == 3 * [Verdict.PASSED]
-    assert not any(f.outcome.gaps for f in one.findings)
+    (fmu_report,) = ec.verify(tmp_path / "Toy.fmu", only=["sanitizer"]).examined
+    assert [f.verdict for f in fmu_report.findings] == 3 * [Verdict.PASSED]
+    assert not any(f.outcome.gaps for f in fmu_report.findings)
 
 
 def test_check_of_fmi_3_that_must_run_is_missing_in_fmi_2(tmp_path: Path) -> None:
     (tmp_path / "Toy.fmu").write_bytes(good_bytes())
-    one = examine(tmp_path / "Toy.fmu", "archive", settings=Settings(must_run=("calls.arguments",)))
-    assert not one.passed
-    assert "FMI 2.0 does not have" in one.objections[-1]
-    assert "calls.arguments" not in {f.check for f in one.findings}
+    fmu_report = examine(tmp_path / "Toy.fmu", "archive", settings=Settings(must_run=("calls.arguments",)))
+    assert not fmu_report.passed
+    assert "FMI 2.0 does not have" in fmu_report.objections[-1]
+    assert "calls.arguments" not in {f.check for f in fmu_report.findings}
 
 
 OUTPUT = "ModelStructure/Output[@valueReference='16']"
@@ -139,7 +143,7 @@ def test_values_that_no_check_reads_are_named(tmp_path: Path) -> None:
         '<UInt64 name="n" valueReference="99" causality="structuralParameter" start="2"/>'
     )
     build = with_text("</ModelVariables>", f"{variables}</ModelVariables>", fmi=3)
-    one = examine(build(tmp_path), "description", "variables")
-    assert not one.of(Verdict.FAILED)
-    assert "Values of Binary variables were not examined: blob." in one.not_examined
-    assert "Other values of structural parameters were not examined: n." in one.not_examined
+    fmu_report = examine(build(tmp_path), "description", "variables")
+    assert not fmu_report.of(Verdict.FAILED)
+    assert "Values of Binary variables were not examined: blob." in fmu_report.not_examined
+    assert "Other values of structural parameters were not examined: n." in fmu_report.not_examined

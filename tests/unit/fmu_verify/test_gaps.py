@@ -38,8 +38,8 @@ def test_values_that_are_not_read(
     kind: str, name: str, value: float, gap: str, tmp_path: Path, monkeypatch: Monkey
 ) -> None:
     monkeypatch.setattr(typed_values, name, value)
-    one = typed_values.strings if kind == "String" else typed_values.booleans
-    outcome = one.examine(unpacked(build_wide_fmu(tmp_path)))
+    check_ = typed_values.strings if kind == "String" else typed_values.booleans
+    outcome = check_.examine(unpacked(build_wide_fmu(tmp_path)))
     assert outcome.verdict == Verdict.PASSED
     assert outcome.gaps == ((gap.format(kind),) if gap else ())
 
@@ -53,8 +53,8 @@ def test_values_that_the_fmu_rejects_are_left_out(tmp_path: Path, monkeypatch: M
     monkeypatch.setattr(values, "run_where_accepted", accept_two)
     monkeypatch.setattr(sharing, "run_where_accepted", accept_two)
     subject = unpacked(build_wide_fmu(tmp_path))
-    for one in (values.kept, values.reset, sharing.shared):
-        outcome = one.examine(subject)
+    for check_ in (values.kept, values.reset, sharing.shared):
+        outcome = check_.examine(subject)
         assert outcome.verdict == Verdict.PASSED
         assert outcome.gaps == ("Only 2 of 15 parameters and inputs were judged with other values.",)
 
@@ -125,7 +125,7 @@ def test_inputs_that_cancel_out_have_an_effect(
     assert behavior.inputs.examine(unpacked(build_good_fmu(tmp_path))).verdict == verdict
 
 
-def test_slope_that_rounding_hides_is_no_fault(tmp_path: Path) -> None:
+def test_slope_below_rounding_is_not_a_fault(tmp_path: Path) -> None:
     """A state that rests but for a derivative of 1e-19 keeps its value, as it must."""
 
     class Hanging(Block):

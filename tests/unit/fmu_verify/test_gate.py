@@ -101,9 +101,11 @@ def test_fmu_that_ends_its_examiner_keeps_all_other_findings(tmp_path: Path) -> 
         [killer, good], only=["archive", "description.schema", "instance.environment", "binaries.loads"]
     )
     assert {f.check for f in report[killer].of(Verdict.FAILED)} == {"instance.environment"}
-    lost = report[killer]["instance.environment"]
-    assert lost.sentence.startswith("It ended the process in fmi2") or "emla verify" in lost.sentence
-    assert "SIGKILL" in lost.sentence
+    lost_check = report[killer]["instance.environment"]
+    assert (
+        lost_check.sentence.startswith("It ended the process in fmi2") or "emla verify" in lost_check.sentence
+    )
+    assert "SIGKILL" in lost_check.sentence
     assert report[killer]["description.schema"].verdict == Verdict.PASSED
     assert report[killer]["binaries.loads"].verdict == Verdict.PASSED
     assert report[good].passed
@@ -138,6 +140,6 @@ def _mach_o(symbols: dict[str, int]) -> lief.MachO.Binary:
     commands = segment + section + linkedit + symtab
     header = struct.pack("<IIIIIIII", 0xFEEDFACF, 0x01000007, 3, 6, 3, len(commands), 0, 0)
     content = (header + commands).ljust(at, b"\0") + table + names
-    found = lief.parse(list(content.ljust(0x2000, b"\0")))
-    assert isinstance(found, lief.MachO.Binary)
-    return found
+    library = lief.parse(list(content.ljust(0x2000, b"\0")))
+    assert isinstance(library, lief.MachO.Binary)
+    return library

@@ -52,8 +52,8 @@ def _integer(data_type: str, start: int) -> ElementVariable:
         (ElementVariable("x", 1, type="Real", start="2", data_type="Float32"), pytest.approx(2.2)),
     ],
 )
-def test_other_values_fit_into_the_type(variable: ModelVariable, other: object) -> None:
-    assert choose_other_value(variable) == other
+def test_other_values_fit_into_the_type(variable: ModelVariable, expected: object) -> None:
+    assert choose_other_value(variable) == expected
 
 
 def test_inputs_vary_within_the_limits_of_their_declared_type() -> None:
@@ -73,12 +73,12 @@ def _levels(subject: Subject) -> list[float]:
     """The number of ticks of an output clock, which belongs to it, after each step of 0.05 s."""
     instance = HostedInstance(subject)
     instance.initialize({"period": 0.1}, 0.0)
-    found = []
+    levels = []
     for k in range(10):
         instance.step(0.05 * k, 0.05)
-        found.append(instance.get(["level"])[0])
+        levels.append(instance.get(["level"])[0])
     instance.close()
-    return found
+    return levels
 
 
 @pytest.mark.parametrize(
@@ -95,9 +95,11 @@ def test_variables_of_output_clocks_are_read_when_they_tick(tmp_path: Path) -> N
     assert in_fresh_process(_levels, subject) == [0, 1, 1, 2, 2, 3, 3, 4, 4, 5]
 
 
-def _run_with_fault(subject: Subject, fault: int, has_mode: bool, early: bool) -> tuple[str, str, str]:
+def _run_with_fault(
+    subject: Subject, fault: int, has_mode: bool, allows_early_return: bool
+) -> tuple[str, str, str]:
     """The message, its clause, and the call that was noted last."""
-    instance = HostedInstance(subject, events=has_mode, allows_early_return=early)
+    instance = HostedInstance(subject, events=has_mode, allows_early_return=allows_early_return)
     with pytest.raises(CallError) as caught:
         instance.initialize({"period": 0.3, "threshold": 0.35, "end": 0.72, "fault": fault})
         for k in range(8):
@@ -116,12 +118,12 @@ def _run_with_fault(subject: Subject, fault: int, has_mode: bool, early: bool) -
     ],
 )
 def test_faults_of_events_have_their_clause(
-    fault: int, early: bool, words: str, section: str, call: str, tmp_path: Path
+    fault: int, allows_early_return: bool, words: str, section: str, call: str, tmp_path: Path
 ) -> None:
     """The stepper finds them; the call in which it does is noted."""
     subject = unpacked(build_event_fmu(tmp_path / "Events.fmu"))
-    said, clause, noted = in_fresh_process(_run_with_fault, subject, fault, True, early)
-    assert words in said
+    message, clause, noted = in_fresh_process(_run_with_fault, subject, fault, True, allows_early_return)
+    assert words in message
     assert (clause, noted[: len(call)]) == (section, call)
 
 
@@ -143,15 +145,15 @@ def test_run_is_the_exact_solution(tmp_path: Path, kind: str) -> None:
     """Inputs reach the FMU at the right times, and outputs are those of the end of each step."""
     subject = _subject(tmp_path)
     course = make_experiment(subject)
-    found = run_alone(subject, course, kind)
-    assert found.names[:2] == ["position", "speed"]
-    np.testing.assert_allclose(found.values[:, :2], _exact(course), atol=2e-7)
+    actual = run_alone(subject, course, kind)
+    assert actual.names[:2] == ["position", "speed"]
+    np.testing.assert_allclose(actual.values[:, :2], _exact(course), atol=2e-7)
 
 
 def test_run_ends_where_the_fmu_asks_to(tmp_path: Path) -> None:
     """The step that it did not do has no row."""
-    found = run_alone(_subject(tmp_path, "ASKS_TO_END"))
-    assert found.times[-1] == pytest.approx(0.5)
+    actual = run_alone(_subject(tmp_path, "ASKS_TO_END"))
+    assert actual.times[-1] == pytest.approx(0.5)
 
 
 def test_error_comes_back_from_another_process(tmp_path: Path) -> None:
@@ -230,8 +232,8 @@ def test_checks_run_in_processes_that_share_nothing(tmp_path: Path, monkeypatch:
     """As on Windows, where processes cannot divide."""
     monkeypatch.delattr(os, "fork", raising=False)
     settings = Settings(only=("run.finite", "run.ranges", "calls.phases"))
-    found = examine_fmu(Subject(build_good_fmu(tmp_path), tmp_path / "fmu", settings))
-    assert {f.check: f.verdict for f in found.findings} == dict.fromkeys(settings.only, Verdict.PASSED)
+    report = examine_fmu(Subject(build_good_fmu(tmp_path), tmp_path / "fmu", settings))
+    assert {f.check: f.verdict for f in report.findings} == dict.fromkeys(settings.only, Verdict.PASSED)
 
 
 def _run(values: list[list[float]]) -> OutputTrajectory:
@@ -241,25 +243,25 @@ def _run(values: list[list[float]]) -> OutputTrajectory:
 
 def test_runs_that_differ_by_rounding_only_warn() -> None:
     """The last bit is worth a warning; more than the tolerance fails; NaN is like NaN alone."""
-    wanted = _run([[0.0, 1.0], [1.0, 1.0]])
-    assert compare_runs(wanted, wanted, "It").verdict == Verdict.PASSED
-    rounded = compare_runs(_run([[0.0, 1.0], [1.0 + 2e-16, 1.0]]), wanted, "It")
+    expected = _run([[0.0, 1.0], [1.0, 1.0]])
+    assert compare_runs(expected, expected, "It").verdict == Verdict.PASSED
+    rounded = compare_runs(_run([[0.0, 1.0], [1.0 + 2e-16, 1.0]]), expected, "It")
     assert rounded.verdict == Verdict.WARNING
     assert "from y at t = 1 s on" in rounded.sentence
-    assert compare_runs(_run([[0.0, 1.0], [1.001, 1.0]]), wanted, "It").verdict == Verdict.FAILED
-    shorter = compare_runs(_run([[0.0, 1.0]]), wanted, "It")
+    assert compare_runs(_run([[0.0, 1.0], [1.001, 1.0]]), expected, "It").verdict == Verdict.FAILED
+    shorter = compare_runs(_run([[0.0, 1.0]]), expected, "It")
     assert (shorter.verdict, shorter.sentence) == (Verdict.FAILED, "It ended at t = 0 s, not at t = 1 s.")
-    negative = compare_runs(_run([[-0.0, 1.0], [1.0, 1.0]]), wanted, "It")
+    negative = compare_runs(_run([[-0.0, 1.0], [1.0, 1.0]]), expected, "It")
     assert (negative.verdict, negative.sentence) == (Verdict.PASSED, "It gave the same 2 x 2 values.")
     spoiled = _run([[0.0, 1.0], [np.nan, 1.0]])
-    assert compare_runs(spoiled, wanted, "It").verdict == Verdict.FAILED
+    assert compare_runs(spoiled, expected, "It").verdict == Verdict.FAILED
     assert compare_runs(spoiled, spoiled, "It").verdict == Verdict.PASSED
 
 
 def test_difference_is_relative_to_the_range_of_an_output() -> None:
     """A difference of 0.001 is much where an output moves by 0.01, and little where it moves by 100."""
-    one, other = _run([[0.0, 0.0], [0.01, 100.0]]), _run([[0.001, 0.001], [0.01, 100.0]])
-    np.testing.assert_allclose(one.distance(other), [0.1, 1e-5])
+    first, second = _run([[0.0, 0.0], [0.01, 100.0]]), _run([[0.001, 0.001], [0.01, 100.0]])
+    np.testing.assert_allclose(first.distance(second), [0.1, 1e-5])
 
 
 @pytest.mark.slow

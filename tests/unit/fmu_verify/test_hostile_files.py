@@ -119,11 +119,11 @@ def test_names_that_differ_in_case_get_a_warning(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", ["binaries", "sources", "documentation", f"{LIBRARY}/inside"])
-def test_files_in_place_of_folders(place: str, tmp_path: Path) -> None:
+def test_files_in_place_of_folders(folder_name: str, tmp_path: Path) -> None:
     def edit(files: Files) -> None:
-        for name in [n for n in files if n.startswith(place.removesuffix("/inside"))]:
+        for name in [n for n in files if n.startswith(folder_name.removesuffix("/inside"))]:
             del files[name]
-        files[place] = b"!"
+        files[folder_name] = b"!"
 
     names = ("archive", "documents.present", "sources.description", "binaries.present", "binaries.platform")
     report = examine(with_files(edit)(tmp_path), *names)
@@ -140,7 +140,7 @@ def test_sources_only(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("other", ["ModelExchange", "CoSimulation"])
-def test_fmu_of_one_kind_passes(other: str, tmp_path: Path) -> None:
-    report = examine(without(f"//{other}")(tmp_path), *NAMES)
-    found = {f.check for f in report.findings if f.verdict != Verdict.PASSED}
-    assert found == {"layered.manifests", "related.metadata"}  # it has neither manifests nor related files
+def test_fmu_of_one_kind_passes(other_kind: str, tmp_path: Path) -> None:
+    report = examine(without(f"//{other_kind}")(tmp_path), *NAMES)
+    checks = {f.check for f in report.findings if f.verdict != Verdict.PASSED}
+    assert checks == {"layered.manifests", "related.metadata"}  # it has neither manifests nor related files

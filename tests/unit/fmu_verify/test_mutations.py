@@ -49,15 +49,15 @@ def element(chance: random.Random, folder: Path) -> Path:
     """One element is removed, doubled, or moved to the end of its parent."""
 
     def edit(root: etree._Element) -> None:
-        one = chance.choice([e for e in root.iter(etree.Element) if e is not root])
-        parent = one.getparent()
-        what = chance.choice(("removed", "doubled", "moved"))
-        if what == "doubled":
-            one.addnext(deepcopy(one))
-        elif what == "moved":
-            parent.append(one)
+        element_ = chance.choice([e for e in root.iter(etree.Element) if e is not root])
+        parent = element_.getparent()
+        change = chance.choice(("removed", "doubled", "moved"))
+        if change == "doubled":
+            element_.addnext(deepcopy(element_))
+        elif change == "moved":
+            parent.append(element_)
         else:
-            parent.remove(one)
+            parent.remove(element_)
 
     return with_tree(edit)(folder)
 
@@ -66,15 +66,17 @@ def attribute(chance: random.Random, folder: Path) -> Path:
     """One attribute is removed, replaced, or gets the value of another of its name."""
 
     def edit(root: etree._Element) -> None:
-        every = [(e, name) for e in root.iter(etree.Element) for name in e.attrib]
-        one, name = chance.choice(every)
-        what = chance.choice(("removed", "replaced", "another's"))
-        if what == "removed":
-            del one.attrib[name]
-        elif what == "replaced":
-            one.set(name, chance.choice(VALUES))
+        attributes = [(e, name) for e in root.iter(etree.Element) for name in e.attrib]
+        element_, name = chance.choice(attributes)
+        change = chance.choice(("removed", "replaced", "another's"))
+        if change == "removed":
+            del element_.attrib[name]
+        elif change == "replaced":
+            element_.set(name, chance.choice(VALUES))
         else:
-            one.set(name, chance.choice([e.get(name) for e, other in every if other == name]))
+            element_.set(
+                name, chance.choice([e.get(name) for e, other_name in attributes if other_name == name])
+            )
 
     return with_tree(edit)(folder)
 

@@ -18,5 +18,5 @@ def test_import_loads_no_simulator() -> None:
 fmu_verify.verify
 import fmu_verify.examiner
 print(*(name for name in {HEAVY} if name in sys.modules))"""
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == []
+    process = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert process.stdout.split() == []

@@ -28,9 +28,9 @@ def parsed(text: str) -> Any:
 
 
 def elements(root: Any, tag: str, **attributes: str) -> list[Any]:
-    found = root.iter(f"{XHTML}{tag}")
+    matches = root.iter(f"{XHTML}{tag}")
     return [
-        e for e in found if all(e.get(n.strip("_").replace("_", "-")) == v for n, v in attributes.items())
+        e for e in matches if all(e.get(n.strip("_").replace("_", "-")) == v for n, v in attributes.items())
     ]
 
 
@@ -90,8 +90,8 @@ def test_report_of_one_fmu_has_no_matrix() -> None:
     ],
 )
 def test_headline_names_fmus_or_systems(paths: list[str], headline: str) -> None:
-    given = report(*(examined(path, [finding("a.b", passed("It is."))]) for path in paths))
-    assert text_of(elements(parsed(render(given)), "h1")[0]) == headline
+    report_ = report(*(examined(path, [finding("a.b", passed("It is."))]) for path in paths))
+    assert text_of(elements(parsed(render(report_)), "h1")[0]) == headline
 
 
 def test_hostile_texts_make_no_elements() -> None:
@@ -149,9 +149,9 @@ def test_few_points_keep_peaks_and_gaps() -> None:
     rng = np.random.default_rng(1)
     values = rng.normal(size=100_000)
     values[70_000], values[31_234], values[5_000:5_400] = 50, -50, np.nan
-    kept = condense_curves(np.arange(100_000.0), [values, -values], 1000)
-    assert len(kept) <= 1002 and {0, 31_234, 70_000, 99_999, 4_999, 5_400} <= set(kept.tolist())
-    assert np.isnan(values[kept]).any()
+    curves = condense_curves(np.arange(100_000.0), [values, -values], 1000)
+    assert len(curves) <= 1002 and {0, 31_234, 70_000, 99_999, 4_999, 5_400} <= set(curves.tolist())
+    assert np.isnan(values[curves]).any()
     assert list(condense_curves(np.arange(90.0), [values[:90]], 1000)) == list(range(90))
 
 

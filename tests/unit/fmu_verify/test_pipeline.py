@@ -42,7 +42,7 @@ def test_message_without_files(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.argv", ["pipeline", "out"])
     monkeypatch.setenv("VERIFY_FMUS", "100%.fmu")
-    for on_github, shown in (
+    for on_github, expected in (
         ("true", "::error title=FMUs were not verified::The input fmus has '100%25.fmu'"),
         ("", "Error: "),
     ):
@@ -52,7 +52,7 @@ def test_message_without_files(
         with pytest.raises(SystemExit) as ended:
             pipeline.main()
         assert ended.value.code == 2
-        assert shown in "".join(capsys.readouterr())
+        assert expected in "".join(capsys.readouterr())
         assert list((tmp_path / "out").iterdir()) == []
 
 

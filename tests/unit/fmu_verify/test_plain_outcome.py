@@ -34,13 +34,15 @@ def test_outcome_survives_writing_and_reading() -> None:
     )
     text = write_outcome(sent)
     assert b"\n" not in text
-    found = read_outcome(text)
-    (compared,) = found.comparisons
+    outcome_read = read_outcome(text)
+    (compared,) = outcome_read.comparisons
     assert np.array_equal(compared.lower, values, equal_nan=True)
     assert (compared.signal, compared.tube, compared.worst) == ("x\udc80", Tube(0.1, 0.2), 1 / 3)
-    shown = {name: getattr(found, name) for name in ("verdict", "sentence", "details", "figures", "clause")}
-    assert shown == {name: getattr(sent, name) for name in shown}
-    assert (found.gaps, found.blocks, found.blocked) == (sent.gaps, False, False)
+    fields = {
+        name: getattr(outcome_read, name) for name in ("verdict", "sentence", "details", "figures", "clause")
+    }
+    assert fields == {name: getattr(sent, name) for name in fields}
+    assert (outcome_read.gaps, outcome_read.blocks, outcome_read.blocked) == (sent.gaps, False, False)
 
 
 @pytest.mark.parametrize(
@@ -61,9 +63,9 @@ def _open_files() -> set[int]:
     return {int(path.name) for path in Path("/dev/fd").iterdir()}
 
 
-def _write_to_examiner(others: set[int], text: bytes) -> None:
+def _write_to_examiner(other_descriptors: set[int], text: bytes) -> None:
     """Write into everything that leads to the examiner, as an FMU could."""
-    for number in _open_files() - others:
+    for number in _open_files() - other_descriptors:
         with contextlib.suppress(OSError):
             if stat.S_ISFIFO(os.fstat(number).st_mode):
                 os.write(number, text)
@@ -79,30 +81,30 @@ class _Touch:
         return Path.touch, (self._path,)
 
 
-def _send_a_program(others: set[int], path: Path) -> CheckOutcome:
+def _send_a_program(other_descriptors: set[int], path: Path) -> CheckOutcome:
     content = pickle.dumps(_Touch(path))
-    _write_to_examiner(others, len(content).to_bytes(4, "big") + content)
+    _write_to_examiner(other_descriptors, len(content).to_bytes(4, "big") + content)
     return passed("It did no harm.")
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
 def test_answer_of_a_process_is_not_executed(tmp_path: Path) -> None:
-    found = _run(_send_a_program, (_open_files(), tmp_path / "here"), 20.0)
+    outcome_read = _run(_send_a_program, (_open_files(), tmp_path / "here"), 20.0)
     assert not (tmp_path / "here").exists()
-    assert found.verdict == Verdict.FAILED
-    assert found.sentence.startswith("It wrote into a file of this program")
+    assert outcome_read.verdict == Verdict.FAILED
+    assert outcome_read.sentence.startswith("It wrote into a file of this program")
 
 
-def _begin_an_answer(others: set[int]) -> CheckOutcome:
-    _write_to_examiner(others, b"\x00")
+def _begin_an_answer(other_descriptors: set[int]) -> CheckOutcome:
+    _write_to_examiner(other_descriptors, b"\x00")
     time.sleep(60.0)
     return passed("It came to an end.")
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
 def test_unfinished_answer_times_out() -> None:
-    began = time.monotonic()
-    found = _run(_begin_an_answer, (_open_files(),), 1.0)
-    assert time.monotonic() - began < 20.0
-    assert found.verdict == Verdict.SKIPPED
-    assert found.sentence.startswith("It did not finish within 1 s")
+    start = time.monotonic()
+    outcome_read = _run(_begin_an_answer, (_open_files(),), 1.0)
+    assert time.monotonic() - start < 20.0
+    assert outcome_read.verdict == Verdict.SKIPPED
+    assert outcome_read.sentence.startswith("It did not finish within 1 s")

@@ -62,8 +62,8 @@ def typed_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_references_of_all_types_of_fmi_3(tmp_path: Path) -> None:
     fmu = build(Typed, tmp_path / "Typed.fmu", fmi=3)
     record(fmu, tmp_path)
-    found = compare(fmu, tmp_path, relative=1e-14)
-    assert found.verdict == Verdict.PASSED, found.sentence
+    finding = compare(fmu, tmp_path, relative=1e-14)
+    assert finding.verdict == Verdict.PASSED, finding.sentence
 
 
 @pytest.fixture(scope="module")
@@ -86,15 +86,15 @@ def compare(fmu: Path, folder: Path, relative: float) -> Finding:
 @pytest.mark.parametrize("source", [*SHAPES, "given.csv"])
 def test_fmpy_computes_what_is_recorded(source: str, typed_fmu: Path, tmp_path: Path) -> None:
     """As does a second run, to the last digits."""
-    (given := tmp_path / "given.csv").write_text(EVENTS)
+    (input_file := tmp_path / "given.csv").write_text(EVENTS)
     new, values = tmp_path / "new", {"k": 3.0}
-    how = {"inputs": given} if source == given.name else {"shape": source}
+    how = {"inputs": input_file} if source == input_file.name else {"shape": source}
     record(typed_fmu, new, values=values, **how)
     inputs, expected = read_csv(new / "Typed_in.csv"), read_csv(new / "Typed_ref.csv")
     assert source in SHAPES or inputs["i"].tolist() == [1, 1, -7, -7, 99, 99]
     outputs = list(expected.dtype.names[1:])
     assert outputs == ["u_out", "i_out", "b_out", "e_out"]
-    found = fmpy.simulate_fmu(
+    rows_of_fmpy = fmpy.simulate_fmu(
         str(typed_fmu),
         stop_time=2.0,
         output_interval=0.1,
@@ -104,11 +104,11 @@ def test_fmpy_computes_what_is_recorded(source: str, typed_fmu: Path, tmp_path: 
         fmi_type="CoSimulation",
     )
     for name in expected.dtype.names:
-        assert np.abs(found[name].astype(float) - expected[name]).max() < 1e-12, name
+        assert np.abs(rows_of_fmpy[name].astype(float) - expected[name]).max() < 1e-12, name
         assert len(np.unique(expected[name])) > 1
-    again = compare(typed_fmu, new, relative=1e-14)
-    assert again.verdict == Verdict.PASSED, again.sentence
-    assert [c.signal for c in again.outcome.comparisons] == outputs
+    second_finding = compare(typed_fmu, new, relative=1e-14)
+    assert second_finding.verdict == Verdict.PASSED, second_finding.sentence
+    assert [c.signal for c in second_finding.outcome.comparisons] == outputs
     about = tomllib.loads((new / "Typed_ref.toml").read_text())
     assert about["made_by"].startswith("emla verify --record, ")
     assert "Typed.fmu" in about["made_by"] and source in about["made_by"]
@@ -125,10 +125,10 @@ def test_fmpy_computes_what_is_recorded(source: str, typed_fmu: Path, tmp_path: 
     ],
 )
 def test_invalid_values_of_inputs(typed_fmu: Path, tmp_path: Path, row: str, message: str) -> None:
-    given = tmp_path / "given.csv"
-    given.write_text(f"time,u,i,b,e\n{row}\n2,0,1,0,1\n")
+    input_file = tmp_path / "given.csv"
+    input_file.write_text(f"time,u,i,b,e\n{row}\n2,0,1,0,1\n")
     with pytest.raises(ec.CommandError) as error:
-        ec.verify(typed_fmu, record=ec.Recording(tmp_path / "new", inputs=given))
+        ec.verify(typed_fmu, record=ec.Recording(tmp_path / "new", inputs=input_file))
     assert message in str(error.value)
 
 
@@ -142,10 +142,10 @@ def test_many_steps_become_fewer_rows(fmu_folder: Path, tmp_path: Path) -> None:
 
 
 def test_inputs_of_an_earlier_recording_are_removed(fmu_folder: Path, tmp_path: Path) -> None:
-    left = tmp_path / "Reference_in.csv"
-    left.write_text("time,x\n0,1\n")
+    earlier_inputs = tmp_path / "Reference_in.csv"
+    earlier_inputs.write_text("time,x\n0,1\n")
     record(fmu_folder / "Reference" / "Reference.fmu", tmp_path, overwrite=True)
-    assert not left.exists()
+    assert not earlier_inputs.exists()
 
 
 @pytest.mark.slow
@@ -204,7 +204,7 @@ RANGES: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("begin", [0.0, 2.5])
 @pytest.mark.parametrize("shape", SHAPES)
-def test_inputs_move_within_whatever_range_is_declared(shape: str, begin: float) -> None:
+def test_inputs_move_within_any_declared_range(shape: str, begin: float) -> None:
     usual = {"causality": "input", "type": "Real", "declaredType": None}
     usual |= dict.fromkeys(("min", "max", "nominal", "start"))
     variables = [SimpleNamespace(**{**usual, "name": name, **of}) for name, of in RANGES.items()]
@@ -224,17 +224,15 @@ def test_inputs_move_within_whatever_range_is_declared(shape: str, begin: float)
     ("type_", "variability"), [("Real", "discrete"), ("Integer", None), ("Boolean", None)]
 )
 @pytest.mark.parametrize("begin", [0.0, 0.1, -0.3, 1e3])
-def test_discrete_inputs_change_in_the_row_that_says_so(
-    type_: str, variability: str | None, begin: float
-) -> None:
+def test_discrete_inputs_change_in_their_row(type_: str, variability: str | None, begin: float) -> None:
     """However times are rounded: as they are written in a file, and as a number of steps."""
     variable = SimpleNamespace(name="u", causality="input", type=type_, variability=variability)
     subject: Any = SimpleNamespace(variables={"u": variable})
     times = begin + 1e-3 * np.arange(1001)
     rows = np.array([float(f"{t:.9g}") for t in times])
     values = np.arange(1001.0) % 2 if type_ == "Boolean" else np.arange(1001.0)
-    found = sample_inputs(subject, {"time": rows, "u": values}, times)
-    np.testing.assert_array_equal(found["u"], values)
-    held = values[: len(rows[::10])]
-    between = sample_inputs(subject, {"time": rows[::10], "u": held}, times)
-    np.testing.assert_array_equal(between["u"], held[np.arange(1001) // 10])
+    inputs = sample_inputs(subject, {"time": rows, "u": values}, times)
+    np.testing.assert_array_equal(inputs["u"], values)
+    expected = values[: len(rows[::10])]
+    between = sample_inputs(subject, {"time": rows[::10], "u": expected}, times)
+    np.testing.assert_array_equal(between["u"], expected[np.arange(1001) // 10])

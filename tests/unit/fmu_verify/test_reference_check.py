@@ -47,7 +47,7 @@ RELATED = "extra/org.fmi-standard.fmi-ls-ref"
 MANIFEST = f"{RELATED}/fmi-ls-manifest.xml"
 
 
-def alone(plant: Path, folder: Path, **changes: str | None) -> Path:
+def build_without_experiments(plant: Path, folder: Path, **changes: str | None) -> Path:
     """The plant's FMU in a folder of its own, with other texts of its related files; None removes one.
 
     It has no experiments, so that files belong together by their names.
@@ -67,14 +67,16 @@ def alone(plant: Path, folder: Path, **changes: str | None) -> Path:
 
 
 def test_result_in_the_fmu(plant: Path, tmp_path: Path) -> None:
-    found = compare(alone(plant, tmp_path))
-    assert found.verdict == Verdict.PASSED and "i_q" in {c.signal for c in found.outcome.comparisons}
+    finding = compare(build_without_experiments(plant, tmp_path))
+    assert finding.verdict == Verdict.PASSED and "i_q" in {c.signal for c in finding.outcome.comparisons}
 
 
 def test_another_result_in_the_fmu_fails(plant: Path, tmp_path: Path) -> None:
     changed(tmp_path / "EmlaPlant_ref.csv", "i_q", 1.0)
-    found = compare(alone(plant, tmp_path, ref=(tmp_path / "EmlaPlant_ref.csv").read_text()))
-    assert found.verdict == Verdict.FAILED and found.sentence.startswith("i_q left its tube")
+    finding = compare(
+        build_without_experiments(plant, tmp_path, ref=(tmp_path / "EmlaPlant_ref.csv").read_text())
+    )
+    assert finding.verdict == Verdict.FAILED and finding.sentence.startswith("i_q left its tube")
 
 
 @pytest.mark.parametrize(
@@ -86,16 +88,16 @@ def test_another_result_in_the_fmu_fails(plant: Path, tmp_path: Path) -> None:
 def test_result_that_cannot_be_compared_is_skipped(
     changes: dict[str, str | None], words: str, plant: Path, tmp_path: Path
 ) -> None:
-    found = compare(alone(plant, tmp_path, **changes))
-    said = f"The result in the FMU was not compared. {words}"
-    assert found.verdict == Verdict.SKIPPED and found.sentence.startswith(said)
-    assert found.sentence in found.outcome.gaps
+    finding = compare(build_without_experiments(plant, tmp_path, **changes))
+    message = f"The result in the FMU was not compared. {words}"
+    assert finding.verdict == Verdict.SKIPPED and finding.sentence.startswith(message)
+    assert finding.sentence in finding.outcome.gaps
 
 
 def test_result_that_cannot_be_read_warns_without_temporary_paths(plant: Path, tmp_path: Path) -> None:
-    found = compare(alone(plant, tmp_path, ref="time,i_q\n0,false\n1,true\n"))
-    assert found.verdict == Verdict.WARNING
-    assert "cannot be compared: The reference 'EmlaPlant_ref.csv' " in found.sentence
+    finding = compare(build_without_experiments(plant, tmp_path, ref="time,i_q\n0,false\n1,true\n"))
+    assert finding.verdict == Verdict.WARNING
+    assert "cannot be compared: The reference 'EmlaPlant_ref.csv' " in finding.sentence
 
 
 @pytest.mark.parametrize(
@@ -112,8 +114,10 @@ def test_result_that_cannot_be_read_warns_without_temporary_paths(plant: Path, t
 )
 def test_related_files_that_are_not_results(related: str, plant: Path, tmp_path: Path) -> None:
     shutil.copy(plant.with_name("EmlaPlant_ref.csv"), tmp_path / "outside_ref.csv")
-    found = compare(alone(plant, tmp_path, manifest=f"<fmiReferences>{related}</fmiReferences>"))
-    assert (found.verdict, found.sentence) == (
+    finding = compare(
+        build_without_experiments(plant, tmp_path, manifest=f"<fmiReferences>{related}</fmiReferences>")
+    )
+    assert (finding.verdict, finding.sentence) == (
         Verdict.SKIPPED,
         "There is no Renamed_ref.csv next to the FMU, and no result in it.",
     )
@@ -121,9 +125,9 @@ def test_related_files_that_are_not_results(related: str, plant: Path, tmp_path:
 
 def test_list_of_related_files_that_is_not_xml(plant: Path, tmp_path: Path) -> None:
     """The check of manifests says that it fails; results are not compared."""
-    found = compare(alone(plant, tmp_path, manifest="<fmiReferences>"))
-    assert found.verdict == Verdict.SKIPPED and found.outcome.blocked
-    assert f"'{MANIFEST}' is not valid XML" in found.sentence
+    finding = compare(build_without_experiments(plant, tmp_path, manifest="<fmiReferences>"))
+    assert finding.verdict == Verdict.SKIPPED and finding.outcome.blocked
+    assert f"'{MANIFEST}' is not valid XML" in finding.sentence
 
 
 def test_all_results_in_the_fmu_are_compared(tmp_path: Path) -> None:
@@ -142,13 +146,13 @@ def test_all_results_in_the_fmu_are_compared(tmp_path: Path) -> None:
         )
         for name in ("right", "wrong")
     }
-    found = compare(build_with_related(tmp_path, "Good", results | setups))
-    assert found.verdict == Verdict.FAILED
-    assert found.sentence.startswith("The result wrong.csv: moving left its tube at t = 0 s")
-    assert [line.partition(":")[0] for line in found.outcome.details] == [
+    finding = compare(build_with_related(tmp_path, "Good", results | setups))
+    assert finding.verdict == Verdict.FAILED
+    assert finding.sentence.startswith("The result wrong.csv: moving left its tube at t = 0 s")
+    assert [line.partition(":")[0] for line in finding.outcome.details] == [
         f"The result {name}.csv" for name in ("wrong", "right", "other")
     ]
-    assert found.outcome.gaps == (
+    assert finding.outcome.gaps == (
         "The result other.csv: The result in the FMU was not compared. There is no file with its inputs, "
         "other_in.csv.",
     )
@@ -156,9 +160,9 @@ def test_all_results_in_the_fmu_are_compared(tmp_path: Path) -> None:
 
 def test_named_folder_without_reference_is_skipped(plant: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    found = compare(plant, tmp_path / "empty")
-    assert found.verdict == Verdict.SKIPPED and found.outcome.blocked
-    assert found.sentence == f"There is no EmlaPlant_ref.csv in {tmp_path / 'empty'}."
+    finding = compare(plant, tmp_path / "empty")
+    assert finding.verdict == Verdict.SKIPPED and finding.outcome.blocked
+    assert finding.sentence == f"There is no EmlaPlant_ref.csv in {tmp_path / 'empty'}."
 
 
 def test_drift_of_a_ten_thousandth_leaves_a_narrow_tube(plant: Path, tmp_path: Path) -> None:
@@ -166,14 +170,14 @@ def test_drift_of_a_ten_thousandth_leaves_a_narrow_tube(plant: Path, tmp_path: P
     time, i_q = clean.solution["time"], clean.solution["i_q"]
     drift = 1e-4 * np.ptp(i_q) * time / time[-1]
     changed(tmp_path / "EmlaPlant_ref.csv", "i_q", drift)
-    found = compare(plant, tmp_path)
-    assert found.verdict == Verdict.FAILED
-    assert found.sentence.startswith("i_q left its tube at t = ")
-    (left,) = [c for c in found.outcome.comparisons if not c.inside]
-    assert left.worst == pytest.approx(1e-4 * np.ptp(i_q), rel=1e-3)
-    assert left.worst_at == pytest.approx(time[-1])
+    finding = compare(plant, tmp_path)
+    assert finding.verdict == Verdict.FAILED
+    assert finding.sentence.startswith("i_q left its tube at t = ")
+    (departure,) = [c for c in finding.outcome.comparisons if not c.inside]
+    assert departure.worst == pytest.approx(1e-4 * np.ptp(i_q), rel=1e-3)
+    assert departure.worst_at == pytest.approx(time[-1])
     # the file allows 1e-7 of the range, which the drift passes in the first step or two
-    assert left.left_at is not None and left.left_at < 0.002
+    assert departure.left_at is not None and departure.left_at < 0.002
     # by default it would be within the tube, which is 1e-3 of the range
     assert compare(plant, tmp_path, **{"*": ec.Tolerance(1e-3, time=0.0)}).verdict == Verdict.PASSED
     assert compare(plant, tmp_path, i_q=ec.Tolerance(1.1e-4)).verdict == Verdict.PASSED
@@ -182,17 +186,17 @@ def test_drift_of_a_ten_thousandth_leaves_a_narrow_tube(plant: Path, tmp_path: P
 
 def test_other_inputs_fail(plant: Path, tmp_path: Path) -> None:
     changed(tmp_path / "EmlaPlant_in.csv", "F_L", 100.0)
-    found = compare(plant, tmp_path)
-    assert found.verdict == Verdict.FAILED
-    assert found.sentence.startswith("a_L left its tube at t = 0 s")
+    finding = compare(plant, tmp_path)
+    assert finding.verdict == Verdict.FAILED
+    assert finding.sentence.startswith("a_L left its tube at t = 0 s")
 
 
 def test_start_values_come_from_the_file_next_to_the_reference(plant: Path, tmp_path: Path) -> None:
     about = tmp_path / "EmlaPlant_ref.toml"
     about.write_text(about.read_text().replace("[set]", '[set]\n"motor.R_s" = 0.15'))
-    found = compare(plant, tmp_path)
-    assert found.verdict == Verdict.FAILED
-    assert "left its tube" in found.sentence
+    finding = compare(plant, tmp_path)
+    assert finding.verdict == Verdict.FAILED
+    assert "left its tube" in finding.sentence
 
 
 WRONG = [
@@ -223,10 +227,10 @@ def test_invalid_reference_files(
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
-    found = compare(plant)
-    assert found.verdict == Verdict.FAILED
-    assert message in found.sentence and found.sentence[-1] in ".?"
-    assert found.hint == "Correct the reference files."
+    finding = compare(plant)
+    assert finding.verdict == Verdict.FAILED
+    assert message in finding.sentence and finding.sentence[-1] in ".?"
+    assert finding.hint == "Correct the reference files."
 
 
 def test_options_may_have_comments_and_unknown_names(plant: Path, tmp_path: Path) -> None:
@@ -240,17 +244,17 @@ def test_options_may_have_comments_and_unknown_names(plant: Path, tmp_path: Path
 
 def test_without_options_times_are_those_of_the_rows(plant: Path, tmp_path: Path) -> None:
     (tmp_path / "EmlaPlant_ref.opt").unlink()
-    found = compare(
+    finding = compare(
         plant, tmp_path, **{"*": ec.Tolerance(1e-3)}
     )  # steps are the FMU's own, inputs linear between rows
-    assert {c.signal: c.time[-1] for c in found.outcome.comparisons}["x_L"] == pytest.approx(0.18)
+    assert {c.signal: c.time[-1] for c in finding.outcome.comparisons}["x_L"] == pytest.approx(0.18)
 
 
 def test_names_with_commas_and_quotes_are_names(tmp_path: Path) -> None:
     (tmp_path / "M_ref.csv").write_text('"time","a[1,2]","say ""x"""\n0,1,2\n1,3,4\n', encoding="utf-8-sig")
-    found = read_reference(tmp_path / "M_ref.csv")
-    assert list(found.solution) == ["time", "a[1,2]", 'say "x"']
-    assert (found.start, found.stop, found.step) == (0.0, 1.0, None)
+    reference = read_reference(tmp_path / "M_ref.csv")
+    assert list(reference.solution) == ["time", "a[1,2]", 'say "x"']
+    assert (reference.start, reference.stop, reference.step) == (0.0, 1.0, None)
 
 
 def test_folder_with_references_of_several_fmus(tmp_path: Path) -> None:

@@ -54,10 +54,12 @@ def test_all_roles_together(tmp_path: Path) -> None:
         },
     )
     examined = examine(path, "related", apart=())
-    found = {f.check: (f.verdict, f.outcome.gaps) for f in examined.findings if f.check.startswith("related")}
+    outcomes = {
+        f.check: (f.verdict, f.outcome.gaps) for f in examined.findings if f.check.startswith("related")
+    }
     varied = "Nothing was varied: the format of experiments does not say what to vary."
-    assert found.pop("related.uncertainty") == (Verdict.PASSED, (varied,))
-    assert set(found.values()) == {(Verdict.PASSED, ())} and len(found) == 5
+    assert outcomes.pop("related.uncertainty") == (Verdict.PASSED, (varied,))
+    assert set(outcomes.values()) == {(Verdict.PASSED, ())} and len(outcomes) == 5
 
 
 @pytest.mark.parametrize(("with_folder", "verdict"), [(False, Verdict.PASSED), (True, Verdict.FAILED)])
@@ -74,14 +76,14 @@ def test_tolerance_of_a_folder_of_references_is_not_for_experiments(
     path = build_with_related(tmp_path, "Good", related)
     wide = {"*": ec.Tolerance(absolute=2.0)}
     settings = Settings(reference=tmp_path if with_folder else None, tolerance=wide)
-    found = examine(path, "related.validation", settings=settings, apart=())["related.validation"]
-    assert found.verdict == verdict
+    finding = examine(path, "related.validation", settings=settings, apart=())["related.validation"]
+    assert finding.verdict == verdict
 
 
 def test_solver_tolerance_and_times_of_an_experiment_are_used(tmp_path: Path) -> None:
     inside = '<TransientSimulation startTime="0.5" stopTime="0.75"/>'
-    found = check(tmp_path, {"a.exp": ("experiment", EXPERIMENTS, experiment(inside))}, "smoke_tests")
-    assert found.verdict == Verdict.PASSED and "It ran to t = 0.75 s" in found.sentence
+    finding = check(tmp_path, {"a.exp": ("experiment", EXPERIMENTS, experiment(inside))}, "smoke_tests")
+    assert finding.verdict == Verdict.PASSED and "It ran to t = 0.75 s" in finding.sentence
 
 
 def test_each_experiment_is_named(tmp_path: Path) -> None:
@@ -90,12 +92,12 @@ def test_each_experiment_is_named(tmp_path: Path) -> None:
         '<Experiment name="line"><Linearization/></Experiment>'
         '<Experiment name="bad"><Stimuli source="gone.csv"/></Experiment></Experiments>',
     )
-    found = check(tmp_path, {"a.exp": ("experiment", EXPERIMENTS, text)}, "smoke_tests")
-    assert found.verdict == Verdict.FAILED
-    assert [line.partition(":")[0] for line in found.outcome.details] == [
+    finding = check(tmp_path, {"a.exp": ("experiment", EXPERIMENTS, text)}, "smoke_tests")
+    assert finding.verdict == Verdict.FAILED
+    assert [line.partition(":")[0] for line in finding.outcome.details] == [
         f"The experiment '{name}' of a.exp" for name in ("bad", "first", "line")
     ]
-    assert found.outcome.gaps == ("The experiment 'line' of a.exp: Linearization is not run.",)
+    assert finding.outcome.gaps == ("The experiment 'line' of a.exp: Linearization is not run.",)
 
 
 @pytest.mark.parametrize(
@@ -113,8 +115,8 @@ def test_each_experiment_is_named(tmp_path: Path) -> None:
     ],
 )
 def test_invalid_files_of_experiments(text: str, words: str, tmp_path: Path) -> None:
-    found = check(tmp_path, {"a.exp": ("experiment", EXPERIMENTS, text)}, "smoke_tests")
-    assert found.verdict == Verdict.FAILED and words in found.sentence
+    finding = check(tmp_path, {"a.exp": ("experiment", EXPERIMENTS, text)}, "smoke_tests")
+    assert finding.verdict == Verdict.FAILED and words in finding.sentence
 
 
 @pytest.mark.parametrize(
@@ -146,11 +148,11 @@ def test_invalid_files_of_experiments(text: str, words: str, tmp_path: Path) -> 
         ("metadata", {"a.pdf": ("document", "application/pdf", b"1")}, "document 'a.pdf'"),
     ],
 )
-def test_what_is_not_used_is_reported(name: str, related: Related, gap: str, tmp_path: Path) -> None:
-    found = check(tmp_path, related, name)
+def test_unused_related_files_are_reported(name: str, related: Related, gap: str, tmp_path: Path) -> None:
+    finding = check(tmp_path, related, name)
     expected = Verdict.PASSED if name == "metadata" else Verdict.SKIPPED  # other checks need it
-    assert found.verdict == expected and len(found.outcome.gaps) == 1
-    assert gap in found.outcome.gaps[0]
+    assert finding.verdict == expected and len(finding.outcome.gaps) == 1
+    assert gap in finding.outcome.gaps[0]
 
 
 @pytest.mark.parametrize(
@@ -180,12 +182,14 @@ def test_fault_of_a_listed_set_is_reported_once(
 
 
 def test_state_that_is_cut_is_not_restored(tmp_path: Path) -> None:
-    found = check(tmp_path, {"a": ("serialized-state", BYTES, serialized_state()[:-1])}, "states")
-    assert found.verdict == Verdict.FAILED and "fmi2DeSerializeFMUstate answered fmi2Error" in found.sentence
+    finding = check(tmp_path, {"a": ("serialized-state", BYTES, serialized_state()[:-1])}, "states")
+    assert (
+        finding.verdict == Verdict.FAILED and "fmi2DeSerializeFMUstate answered fmi2Error" in finding.sentence
+    )
 
 
 def test_fmu_without_related_files_is_not_called_for_them(tmp_path: Path) -> None:
     examined = examine(build_good_fmu(tmp_path), "related", apart=())
-    found = [f for f in examined.findings if f.check.startswith("related.")]
-    assert {f.verdict for f in found} == {Verdict.SKIPPED} and not any(f.outcome.blocked for f in found)
-    assert all(f.sentence.endswith("The FMU lists no related files.") for f in found)
+    findings = [f for f in examined.findings if f.check.startswith("related.")]
+    assert {f.verdict for f in findings} == {Verdict.SKIPPED} and not any(f.outcome.blocked for f in findings)
+    assert all(f.sentence.endswith("The FMU lists no related files.") for f in findings)

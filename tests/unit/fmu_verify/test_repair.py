@@ -38,11 +38,11 @@ BROKEN = {b.name: b.build for b in (*STATIC, *THIRD)}
 def mend(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[Callable[[Path], Path]], Repair]:
     """Builds an FMU and repairs it, with checks in this process."""
 
-    class _Found:
+    class _Verified:
         def __init__(self, path: Path, only: tuple[str, ...]) -> None:
             self.examined = (examine(path, *only, apart=()),)
 
-    monkeypatch.setattr(repairing, "verify", lambda paths, only: _Found(_path(paths), only))
+    monkeypatch.setattr(repairing, "verify", lambda paths, only: _Verified(_path(paths), only))
     return lambda build: repair(build(tmp_path))
 
 
@@ -50,13 +50,13 @@ def _path(paths: Any) -> Path:
     return next(iter(paths.values())) if isinstance(paths, dict) else paths
 
 
-def description(done: Repair) -> Any:
-    with zipfile.ZipFile(io.BytesIO(done.content)) as archive:
+def description(result: Repair) -> Any:
+    with zipfile.ZipFile(io.BytesIO(result.content)) as archive:
         return etree.fromstring(archive.read(DESCRIPTION))
 
 
-def texts(done: Repair) -> list[tuple[str, str]]:
-    return [(c.before, c.after) for c in done.changes]
+def texts(result: Repair) -> list[tuple[str, str]]:
+    return [(c.before, c.after) for c in result.changes]
 
 
 # fmt: off
@@ -73,24 +73,24 @@ MENDED = {
 
 @pytest.mark.parametrize(("name", "check"), MENDED.items())
 def test_checks_pass_after_the_repair(name: str, check: str, mend: Callable[..., Repair]) -> None:
-    done = mend(BROKEN[name])
-    assert [f.check for f in done.before.of(Verdict.FAILED)] == [check]
-    assert {c.check for c in done.changes} == {check}
-    assert not done.after.of(Verdict.FAILED) + done.after.of(Verdict.WARNING)
-    assert all(c.find_clause(done.version).sentence for c in done.changes)
+    result = mend(BROKEN[name])
+    assert [f.check for f in result.before.of(Verdict.FAILED)] == [check]
+    assert {c.check for c in result.changes} == {check}
+    assert not result.after.of(Verdict.FAILED) + result.after.of(Verdict.WARNING)
+    assert all(c.find_clause(result.version).sentence for c in result.changes)
 
 
 @pytest.mark.parametrize("name", ["unknown-attribute", "beyond-max", "one-reference", "no-start"])
 def test_faults_with_several_remedies_stay(name: str, mend: Callable[..., Repair]) -> None:
-    done = mend(BROKEN[name])
-    assert not done.changes
-    assert done.content == done.path.read_bytes()
-    assert [f.check for f in done.remaining] == [f.check for f in done.before.of(Verdict.FAILED)]
+    result = mend(BROKEN[name])
+    assert not result.changes
+    assert result.content == result.path.read_bytes()
+    assert [f.check for f in result.remaining] == [f.check for f in result.before.of(Verdict.FAILED)]
 
 
 def test_other_entries_keep_bytes_order_and_times(mend: Callable[..., Repair]) -> None:
-    done = mend(BROKEN["no-unit"])
-    with zipfile.ZipFile(done.path) as old, zipfile.ZipFile(io.BytesIO(done.content)) as new:
+    result = mend(BROKEN["no-unit"])
+    with zipfile.ZipFile(result.path) as old, zipfile.ZipFile(io.BytesIO(result.content)) as new:
         for before, after in zip(old.infolist(), new.infolist(), strict=True):
             assert (before.filename, before.date_time, before.compress_type, before.external_attr) == (
                 (after.filename, after.date_time, after.compress_type, after.external_attr)
@@ -100,11 +100,11 @@ def test_other_entries_keep_bytes_order_and_times(mend: Callable[..., Repair]) -
 
 @pytest.mark.parametrize("name", ["no-unit", "third-no-output"])
 def test_file_says_what_was_changed(name: str, mend: Callable[..., Repair]) -> None:
-    done = mend(BROKEN[name])
-    root = description(done)
+    result = mend(BROKEN[name])
+    root = description(result)
     (change,) = root.iterfind(".//Repairs/Repair/Change")
-    assert dict(change.attrib) == vars(done.changes[0])
-    assert not find_schema_problems(root, f"fmi{done.version}ModelDescription.xsd")
+    assert dict(change.attrib) == vars(result.changes[0])
+    assert not find_schema_problems(root, f"fmi{result.version}ModelDescription.xsd")
 
 
 def edited(path: str, fmi: int = 2, **attributes: str) -> Callable[[Path], Path]:
@@ -138,16 +138,16 @@ def edited(path: str, fmi: int = 2, **attributes: str) -> Callable[[Path], Path]
 def test_texts_with_one_right_form(
     build: Callable[[Path], Path], expected: tuple[str, str], mend: Callable[..., Repair]
 ) -> None:
-    done = mend(build)
-    assert texts(done) == [expected]
-    assert not done.remaining
+    result = mend(build)
+    assert texts(result) == [expected]
+    assert not result.remaining
 
 
 def test_guid_takes_the_case_of_the_library(mend: Callable[..., Repair]) -> None:
     guid = etree.fromstring(good_files()[DESCRIPTION]).get("guid")
-    done = mend(edited("/*", guid=guid.upper()))
-    assert texts(done) == [(guid.upper(), guid)]
-    assert done.changes[0].check == "instance.guid"
+    result = mend(edited("/*", guid=guid.upper()))
+    assert texts(result) == [(guid.upper(), guid)]
+    assert result.changes[0].check == "instance.guid"
 
 
 def test_guid_that_no_library_has_stays(mend: Callable[..., Repair]) -> None:
@@ -155,8 +155,8 @@ def test_guid_that_no_library_has_stays(mend: Callable[..., Repair]) -> None:
 
 
 def test_identifier_takes_the_case_of_the_library(mend: Callable[..., Repair]) -> None:
-    done = mend(edited("//CoSimulation | //ModelExchange", modelIdentifier="TOY"))
-    assert texts(done) == [("TOY", "Toy")] * 2
+    result = mend(edited("//CoSimulation | //ModelExchange", modelIdentifier="TOY"))
+    assert texts(result) == [("TOY", "Toy")] * 2
 
 
 def test_identifier_stays_if_libraries_disagree(mend: Callable[..., Repair]) -> None:
@@ -172,9 +172,9 @@ def test_order_of_annotations_is_removed_and_accepted_by_a_run(
 ) -> None:
     annotations = '<Annotations><Annotation type="com.tool" order="1"><a/></Annotation></Annotations>'
     build = with_tree(lambda root: root.append(etree.fromstring(annotations)), fmi=3)
-    done = mend(build)
-    assert texts(done) == [('<Annotation type="com.tool" order="1">', '<Annotation type="com.tool">')]
-    assert not done.remaining
+    repaired = mend(build)
+    assert texts(repaired) == [('<Annotation type="com.tool" order="1">', '<Annotation type="com.tool">')]
+    assert not repaired.remaining
     result = ec.load(build(tmp_path), stop_time=0.1).prepare().run()
     assert any("attribute 'order'" in remark for remark in result.remarks)
 
@@ -188,30 +188,30 @@ def test_lists_of_vendor_annotations_are_joined(mend: Callable[..., Repair]) -> 
                 etree.fromstring(f'<VendorAnnotations><Tool name="{name}"/></VendorAnnotations>')
             )
 
-    done = mend(with_tree(remove("VendorAnnotations"), edit))
-    assert not done.remaining
-    tools = [e.get("name") for e in description(done).iterfind("VendorAnnotations/Tool")]
+    result = mend(with_tree(remove("VendorAnnotations"), edit))
+    assert not result.remaining
+    tools = [e.get("name") for e in description(result).iterfind("VendorAnnotations/Tool")]
     assert tools == ["one", "two", "EMLA-Cosim"]
 
 
 def test_display_units_of_a_defined_unit(mend: Callable[..., Repair]) -> None:
-    done = mend(with_tree(remove("//Unit[@name='m']")))
-    unit = next(e for e in description(done).iterfind("UnitDefinitions/Unit") if e.get("name") == "m")
-    shown = unit.find("DisplayUnit")
-    assert (shown.get("name"), float(shown.get("factor"))) == ("mm", 1000.0)
-    assert not done.remaining
+    result = mend(with_tree(remove("//Unit[@name='m']")))
+    unit = next(e for e in description(result).iterfind("UnitDefinitions/Unit") if e.get("name") == "m")
+    display_unit = unit.find("DisplayUnit")
+    assert (display_unit.get("name"), float(display_unit.get("factor"))) == ("mm", 1000.0)
+    assert not result.remaining
 
 
 def test_indices_that_begin_at_0_stay(mend: Callable[..., Repair]) -> None:
-    done = mend(setting("//Outputs/Unknown[@index='16']", dependencies="0 99"))
-    assert not done.changes
-    assert done.remaining
+    result = mend(setting("//Outputs/Unknown[@index='16']", dependencies="0 99"))
+    assert not result.changes
+    assert result.remaining
 
 
 def test_unknown_that_does_not_belong_to_initial_unknowns(mend: Callable[..., Repair]) -> None:
-    done = mend(with_tree(append("*/InitialUnknowns", '<Unknown index="1"/>')))
-    assert texts(done) == [('<Unknown index="1">', "")]
-    assert not done.remaining
+    result = mend(with_tree(append("*/InitialUnknowns", '<Unknown index="1"/>')))
+    assert texts(result) == [('<Unknown index="1">', "")]
+    assert not result.remaining
 
 
 def test_bytes_of_windows_in_a_document_that_says_utf_8(mend: Callable[..., Repair]) -> None:
@@ -219,9 +219,9 @@ def test_bytes_of_windows_in_a_document_that_says_utf_8(mend: Callable[..., Repa
         text = files[DESCRIPTION].decode("utf-8").encode("ascii", "ignore")
         files[DESCRIPTION] = text.replace(b'generationTool="', b'generationTool="M\xfcller ')
 
-    done = mend(with_files(edit))
-    assert texts(done) == [("WINDOWS-1252", "UTF-8")]
-    assert description(done).get("generationTool").startswith("Müller ")
+    result = mend(with_files(edit))
+    assert texts(result) == [("WINDOWS-1252", "UTF-8")]
+    assert description(result).get("generationTool").startswith("Müller ")
 
 
 def test_archive_that_cannot_be_unpacked(mend: Callable[..., Repair]) -> None:
@@ -230,12 +230,12 @@ def test_archive_that_cannot_be_unpacked(mend: Callable[..., Repair]) -> None:
 
 
 def test_second_repair_changes_nothing(mend: Callable[..., Repair]) -> None:
-    done = mend(without("//Unit[@name='W']"))
-    done.path.write_bytes(done.content)
-    assert not mend(lambda _: done.path).changes
+    result = mend(without("//Unit[@name='W']"))
+    result.path.write_bytes(result.content)
+    assert not mend(lambda _: result.path).changes
 
 
-def test_text_of_utf_16_is_kept_whole_or_left_alone() -> None:
+def test_utf_16_text_is_converted_completely_or_not_at_all() -> None:
     """Half a character at the end has no meaning: nothing of the user's text is replaced by a guess."""
     text = '<?xml version="1.0" encoding="UTF-16"?><a unit="\u2126"/>'
     mended, changes = mend_encoding(text.encode("utf-16"))

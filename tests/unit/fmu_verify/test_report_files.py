@@ -40,8 +40,8 @@ ALLOWED = {
 """Elements of JUnit XML: their children, their attributes, and those that are required."""
 
 
-def as_json(given: Report, folder: Path) -> Any:
-    given.save_json(folder / "r.json")
+def as_json(report_: Report, folder: Path) -> Any:
+    report_.save_json(folder / "r.json")
 
     def refuse(name: str) -> None:
         raise AssertionError(f"{name} is not JSON")
@@ -49,8 +49,8 @@ def as_json(given: Report, folder: Path) -> Any:
     return json.loads((folder / "r.json").read_bytes().decode("ascii"), parse_constant=refuse)
 
 
-def as_junit(given: Report, folder: Path) -> Any:
-    given.save_junit(folder / "r.xml")
+def as_junit(report_: Report, folder: Path) -> Any:
+    report_.save_junit(folder / "r.xml")
     return etree.fromstring((folder / "r.xml").read_bytes())
 
 
@@ -59,28 +59,28 @@ def test_report_replaces_reports_of_its_kind_only(tmp_path: Path) -> None:
         save(ordinary(), tmp_path / kind)
     for kind, save in SAVE.items():
         save(ordinary(), tmp_path / kind)
-        for other in SAVE.keys() - {kind}:
+        for other_kind in SAVE.keys() - {kind}:
             with pytest.raises(CommandError, match="was not written by emla"):
-                save(ordinary(), tmp_path / other)
+                save(ordinary(), tmp_path / other_kind)
 
 
 # ---- JSON ------------------------------------------------------------------------------------------
 
 
 def test_keys_of_the_json_report(tmp_path: Path) -> None:
-    given = ordinary()
-    found = as_json(given, tmp_path)
-    assert found == given.as_dict()
-    assert (found["format"], found["version"], found["started"]) == ("emla-verify", 1, STARTED)
-    assert (found["passed"], found["complete"]) == (False, True)
-    assert found["counts"] == {"passed": 3, "warning": 1, "failed": 2, "skipped": 1}
-    one, other = found["examined"]
-    assert (one["path"], one["verdict"], one["passed"], one["seconds"]) == (
+    report_ = ordinary()
+    content = as_json(report_, tmp_path)
+    assert content == report_.as_dict()
+    assert (content["format"], content["version"], content["started"]) == ("emla-verify", 1, STARTED)
+    assert (content["passed"], content["complete"]) == (False, True)
+    assert content["counts"] == {"passed": 3, "warning": 1, "failed": 2, "skipped": 1}
+    first, second = content["examined"]
+    assert (first["path"], first["verdict"], first["passed"], first["seconds"]) == (
         "build/Plant.fmu", "failed", False, 1.5,
     )  # fmt: skip
-    assert (other["verdict"], other["passed"]) == ("passed", True)
-    assert one["facts"]["model"] == "Plant"
-    units = one["findings"][1]
+    assert (second["verdict"], second["passed"]) == ("passed", True)
+    assert first["facts"]["model"] == "Plant"
+    units = first["findings"][1]
     assert {**units, "title": ""} == {
         "check": "description.units", "title": "", "verdict": "warning", "sentence": "motor.v has no unit.",
         "details": ["Line 7.", "Line 9."], "hint": "Do it right.", "seconds": 0.1234, "done": "Look at it.",
@@ -102,19 +102,19 @@ def test_signals_have_numbers_instead_of_arrays(tmp_path: Path) -> None:
 def test_values_that_json_lacks(tmp_path: Path) -> None:
     figures = {"nan": np.float64("nan"), "inf": -np.inf, "int": np.int64(3), "array": np.arange(2.0),
                "nested": ({"a": np.float32(0.5)}, Path("/x"), None, np.bool_(True))}  # fmt: skip
-    given = report(examined("a.fmu", [finding("a.b", passed("It is.", figures=figures))]))
-    assert as_json(given, tmp_path)["examined"][0]["findings"][0]["figures"] == {
+    report_ = report(examined("a.fmu", [finding("a.b", passed("It is.", figures=figures))]))
+    assert as_json(report_, tmp_path)["examined"][0]["findings"][0]["figures"] == {
         "nan": None, "inf": None, "int": 3, "array": [0.0, 1.0], "nested": [{"a": 0.5}, "/x", None, True],
     }  # fmt: skip
 
 
 def test_hostile_texts_are_unchanged_in_json(tmp_path: Path) -> None:
-    given = hostile()
-    found = as_json(given, tmp_path)["examined"]
-    for one, examined_ in zip(given.examined, found, strict=True):
-        expected = [f.sentence.replace("\udc80", "\ufffd") for f in one.findings]
+    report_ = hostile()
+    content = as_json(report_, tmp_path)["examined"]
+    for first, examined_ in zip(report_.examined, content, strict=True):
+        expected = [f.sentence.replace("\udc80", "\ufffd") for f in first.findings]
         assert [f["sentence"] for f in examined_["findings"]] == expected
-    assert found[0]["seconds"] is None
+    assert content[0]["seconds"] is None
 
 
 # ---- JUnit XML -------------------------------------------------------------------------------------
@@ -135,13 +135,13 @@ def test_junit_report_follows_the_schema(make: Any, tmp_path: Path) -> None:
 def test_suite_per_fmu_and_case_per_check(tmp_path: Path) -> None:
     root = as_junit(ordinary(), tmp_path)
     assert [root.get(n) for n in ("tests", "failures", "errors", "time")] == ["7", "2", "0", "3.000"]
-    one, other = root
-    assert {**one.attrib, "time": ""} == {
+    first, second = root
+    assert {**first.attrib, "time": ""} == {
         "name": "build/Plant.fmu", "tests": "5", "failures": "2", "errors": "0", "skipped": "1", "time": "",
         "timestamp": STARTED,
     }  # fmt: skip
-    assert {p.get("name"): p.get("value") for p in one.iter("property")}["model"] == "Plant"
-    good, warning, bad, skipped, _ = one.findall("testcase")
+    assert {p.get("name"): p.get("value") for p in first.iter("property")}["model"] == "Plant"
+    good, warning, bad, skipped, _ = first.findall("testcase")
     assert dict(good.attrib) == {"classname": "build.Plant", "name": "archive.safe", "time": "0.123"}
     assert [[child.tag for child in case] for case in (good, warning, bad)] == [
         [], ["system-out"], ["failure"],
@@ -155,7 +155,7 @@ def test_suite_per_fmu_and_case_per_check(tmp_path: Path) -> None:
         "Repeat it: emla verify build/Plant.fmu --only state.restored --explain"
     )
     assert dict(skipped[0].attrib) == {"message": "It needs state.restored, which failed."}
-    assert {case.get("classname") for case in other.iter("testcase")} == {"other.Plant"}
+    assert {case.get("classname") for case in second.iter("testcase")} == {"other.Plant"}
 
 
 def test_control_characters_are_escaped_in_junit(tmp_path: Path) -> None:

@@ -55,9 +55,9 @@ def test_sound_sources_pass_and_both_kinds_run(tmp_path: Path) -> None:
     outcomes = [check.examine(subject) for check in ALL]
     assert [o.verdict for o in outcomes] == [Verdict.PASSED] * 3, outcomes
     assert not any(o.gaps for o in outcomes)
-    found = run.run_sanitized(subject)
-    assert found.ran
-    assert found.judges_leaks
+    result = run.run_sanitized(subject)
+    assert result.ran
+    assert result.judges_leaks
 
 
 @pytest.mark.parametrize(
@@ -143,6 +143,6 @@ def test_build_description_lists_sources_and_macros(tmp_path: Path) -> None:
         "</SourceFileSet></BuildConfiguration></fmiBuildDescription>"
     )
     (subject.folder / "sources" / "buildDescription.xml").write_text(text)
-    found = compiling.find_sources(subject, "CoSimulation")
-    assert found is not None
-    assert ([p.name for p in found.files], found.macros) == (["good.c"], ("-DA=3",))
+    sources = compiling.find_sources(subject, "CoSimulation")
+    assert sources is not None
+    assert ([p.name for p in sources.files], sources.macros) == (["good.c"], ("-DA=3",))

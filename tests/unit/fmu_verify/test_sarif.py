@@ -35,7 +35,7 @@ def _text(most: int) -> dict[str, Any]:
 
 
 _NAME, _LEVEL = {"type": "string", "minLength": 1}, {"enum": list(sarif.LEVELS)}
-_ONE, _COUNT = {"type": "integer", "minimum": 1}, {"type": "integer", "minimum": 0}
+_FROM_ONE, _FROM_ZERO = {"type": "integer", "minimum": 1}, {"type": "integer", "minimum": 0}
 _RULE = _object(
     {
         "id": _NAME,
@@ -46,8 +46,8 @@ _RULE = _object(
     },
     {"helpUri": {"type": "string", "pattern": "^https://"}},
 )
-_REGION = _object(dict.fromkeys(("startLine", "startColumn", "endLine", "endColumn"), _ONE))
-_PLACE = _object(
+_REGION = _object(dict.fromkeys(("startLine", "startColumn", "endLine", "endColumn"), _FROM_ONE))
+_PHYSICAL_LOCATION = _object(
     {"artifactLocation": _object({"uri": {"type": "string", "pattern": r"^[!-~]+$"}}), "region": _REGION}
 )
 _LOGICAL = {
@@ -57,11 +57,13 @@ _LOGICAL = {
 _RESULT = _object(
     {
         "ruleId": _NAME,
-        "ruleIndex": _COUNT,
+        "ruleIndex": _FROM_ZERO,
         "level": _LEVEL,
         "message": _text(5000),
         "locations": {
-            **_list(_object({"physicalLocation": _PLACE}, {"logicalLocations": _list(_LOGICAL)}), 1),
+            **_list(
+                _object({"physicalLocation": _PHYSICAL_LOCATION}, {"logicalLocations": _list(_LOGICAL)}), 1
+            ),
             "maxItems": 1,
         },
         "partialFingerprints": _object(
@@ -94,9 +96,9 @@ SCHEMA = _object(
 )
 
 
-def run_of(given: Report) -> dict[str, Any]:
+def run_of(report_: Report) -> dict[str, Any]:
     """The run of a report, which fits the schema and whose results name their rules."""
-    content = json.loads(sarif.render(given).encode("ascii"))
+    content = json.loads(sarif.render(report_).encode("ascii"))
     Draft202012Validator(SCHEMA).validate(content)
     (run,) = content["runs"]
     rules = run["tool"]["driver"]["rules"]
@@ -124,7 +126,7 @@ def test_results_have_level_message_and_location() -> None:
         "x is 2 where it was 1.\n\nv is 3, was 4.\n\nFMI 2.0.4, 2.1.5: “"
     )
     assert first["locations"][0]["physicalLocation"]["artifactLocation"] == {"uri": "build/Plant.fmu"}
-    assert [one["fullyQualifiedName"] for one in second["locations"][0]["logicalLocations"]] == [
+    assert [location["fullyQualifiedName"] for location in second["locations"][0]["logicalLocations"]] == [
         "motor.v", "motor.i",
     ]  # fmt: skip
     assert run["invocations"] == [
@@ -137,7 +139,7 @@ def test_results_have_level_message_and_location() -> None:
     ]
 
 
-def test_notes_are_results_but_what_passed_or_was_skipped_is_none() -> None:
+def test_notes_are_results_and_passed_or_skipped_checks_are_not() -> None:
     run = run_of(
         one_of(noted("It is odd."), passed("It is.", gaps=("Only 3 of 9.",)), skipped("It has none."))
     )
@@ -149,10 +151,10 @@ def test_notes_are_results_but_what_passed_or_was_skipped_is_none() -> None:
 
 
 def test_rules_quote_the_standard_in_both_versions() -> None:
-    done = [
+    procedures = [
         finding(check.name, passed("It is."), check.title) for check in (archive.safe, derivatives.adjoint)
     ]
-    safe, adjoint = run_of(report(examined("x.fmu", done)))["tool"]["driver"]["rules"]
+    safe, adjoint = run_of(report(examined("x.fmu", procedures)))["tool"]["driver"]["rules"]
     for clause in (archive.safe.clause, archive.safe.clause.of(3)):
         assert f"{clause}: “{clause.sentence}”" in safe["help"]["text"]
     assert archive.safe.hint in safe["help"]["text"]
@@ -163,8 +165,8 @@ def test_rules_quote_the_standard_in_both_versions() -> None:
 def test_fingerprints_do_not_depend_on_what_was_found(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def prints(given: Report) -> list[str]:
-        return [r["partialFingerprints"]["primaryLocationLineHash"] for r in run_of(given)["results"]]
+    def prints(report_: Report) -> list[str]:
+        return [r["partialFingerprints"]["primaryLocationLineHash"] for r in run_of(report_)["results"]]
 
     before = prints(one_of(failed("x is 1."), warned("y.")))
     assert len(set(before)) == 2
@@ -185,15 +187,17 @@ def test_fingerprints_do_not_depend_on_what_was_found(
 )
 def test_addresses(path: str, uri: str) -> None:
     (result,) = run_of(one_of(failed("It is wrong."), path=path))["results"]
-    (place,) = result["locations"]
-    assert place["physicalLocation"]["artifactLocation"]["uri"] == uri
+    (location,) = result["locations"]
+    assert location["physicalLocation"]["artifactLocation"]["uri"] == uri
     inner = [{"name": "x.fmu", "kind": "resource"}] if ".ssp" in path else None
-    assert place.get("logicalLocations") == inner
+    assert location.get("logicalLocations") == inner
 
 
 def test_other_reasons_not_to_pass_are_one_result() -> None:
-    whole = Examined(Path("x.fmu"), {}, (), 1.0, objections=("First.", "Second."), not_examined=("A gap.",))
-    run = run_of(replace(report(whole), complete=False))
+    fmu_report = Examined(
+        Path("x.fmu"), {}, (), 1.0, objections=("First.", "Second."), not_examined=("A gap.",)
+    )
+    run = run_of(replace(report(fmu_report), complete=False))
     assert [(r["ruleId"], r["message"]["text"]) for r in run["results"]] == [
         ("not-passed", "First.\nSecond.")
     ]
@@ -204,7 +208,7 @@ def test_other_reasons_not_to_pass_are_one_result() -> None:
     ]  # fmt: skip
 
 
-def test_text_of_an_fmu_is_no_link() -> None:
+def test_text_of_an_fmu_makes_no_link() -> None:
     (result,) = run_of(one_of(failed("See [this](1) and u[2].")))["results"]
     assert result["message"]["text"].startswith("See [this] (1) and u[2].")
 

@@ -13,13 +13,13 @@ from tests.support.reports import examined, finding, ordinary, report
 
 def one_failure(text: str) -> dict[str, Any]:
     """A report of one FMU that fails one check, with a text as its name and its sentence."""
-    given = report(examined("x.fmu", [finding("state.restored", failed(text))])).as_dict()
-    given["examined"][0]["name"] = text
-    return given
+    report_ = report(examined("x.fmu", [finding("state.restored", failed(text))])).as_dict()
+    report_["examined"][0]["name"] = text
+    return report_
 
 
-def shown(text: str) -> str:
-    """As GitHub shows it, which knows tables and some HTML."""
+def render_markdown(text: str) -> str:
+    """Render a text as GitHub does, which knows tables and some HTML."""
     return MarkdownIt("commonmark", {"html": True}).enable("table").render(text)
 
 
@@ -30,7 +30,7 @@ def test_counts_and_failures_are_shown() -> None:
     assert names == [v.value.removesuffix("s") for v in Verdict]
     assert "| ❌ | build/Plant.fmu | 1 | 1 | 2 | 1 | 1.5 |" in text
     assert "| ✅ | other/Plant.fmu | 2 |  |  |  | 1.5 |" in text
-    page = unescape(shown(text))
+    page = unescape(render_markdown(text))
     assert page.count("<tr>") == 3 and page.count("<li>") == 3
     clause = "FMI 2.0.4, 2.1.5: “The function returns a new instance of an FMU.”"
     assert f"<strong>state.restored</strong> x is 2 where it was 1.<br>{clause}" in page
@@ -49,7 +49,7 @@ def test_counts_and_failures_are_shown() -> None:
     ],
 )
 def test_texts_are_escaped(odd: str) -> None:
-    page, plain = (shown(format_ci_summary(one_failure(text))) for text in (odd, "plain"))
+    page, plain = (render_markdown(format_ci_summary(one_failure(text))) for text in (odd, "plain"))
     assert page.count("<") == plain.count("<")  # no element more
     assert unescape(page).count(" ".join(odd.split())) == 3
 

@@ -58,9 +58,9 @@ def test_edges_are_those_of_pyfunnel(dt: float, dy: float, tmp_path: Path) -> No
     edges = Tube(dy, dt).edges(time, time, reference)
     inside = (time > dt) & (time < 1.0 - dt)  # what is beyond the ends is a matter of taste
     for name, edge in zip(("lower", "upper"), (edges[0] - dy, edges[1] + dy), strict=True):
-        theirs = np.genfromtxt(tmp_path / f"{name}Bound.csv", delimiter=",", skip_header=1)
-        found = np.interp(time, theirs[:, 0], theirs[:, 1])
-        assert found[inside] == pytest.approx(edge[inside], abs=1e-12)
+        edges_of_pyfunnel = np.genfromtxt(tmp_path / f"{name}Bound.csv", delimiter=",", skip_header=1)
+        edge_of_pyfunnel = np.interp(time, edges_of_pyfunnel[:, 0], edges_of_pyfunnel[:, 1])
+        assert edge_of_pyfunnel[inside] == pytest.approx(edge[inside], abs=1e-12)
 
 
 def test_jump_may_come_earlier_or_later() -> None:
@@ -68,16 +68,16 @@ def test_jump_may_come_earlier_or_later() -> None:
     at = np.linspace(0.0, 2.0, 41)
     for shift, inside in ((0.09, True), (-0.09, True), (0.16, False), (-0.16, False)):
         late = (at >= 1.0 + shift).astype(float)
-        found = compare_signal("y", "", at, late, time, reference, Tolerance(time=0.1))
-        assert found.inside == inside
+        comparison = compare_signal("y", "", at, late, time, reference, Tolerance(time=0.1))
+        assert comparison.inside == inside
 
 
 @given(values=values, shift=st.floats(-0.05, 0.05))
 def test_shift_within_the_tube_stays_inside(values: list[float], shift: float) -> None:
     reference = np.array(values)
     time = 0.1 * np.arange(len(reference))
-    moved = np.interp(time - shift, time, reference)
-    assert against(moved, reference, Tolerance(time=0.051)).inside
+    shifted = np.interp(time - shift, time, reference)
+    assert against(shifted, reference, Tolerance(time=0.051)).inside
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.1])
@@ -85,12 +85,14 @@ def test_width_of_the_tube(factor: float) -> None:
     reference = np.sin(np.linspace(0.0, 6.0, 61))
     wrong = reference.copy()
     wrong[40] += factor * 1e-3 * np.ptp(reference)
-    found = against(wrong, reference, EXACT)
-    assert found.inside == (factor < 1.0)
-    assert found.worst == pytest.approx(factor * 1e-3 * np.ptp(reference))
-    assert found.worst_at == pytest.approx(4.0)
-    assert found.left_at == (None if factor < 1.0 else pytest.approx(4.0))
-    assert factor < 1.0 or describe_departure(found).startswith("y left its tube at t = 4 s; it is off by up")
+    comparison = against(wrong, reference, EXACT)
+    assert comparison.inside == (factor < 1.0)
+    assert comparison.worst == pytest.approx(factor * 1e-3 * np.ptp(reference))
+    assert comparison.worst_at == pytest.approx(4.0)
+    assert comparison.left_at == (None if factor < 1.0 else pytest.approx(4.0))
+    assert factor < 1.0 or describe_departure(comparison).startswith(
+        "y left its tube at t = 4 s; it is off by up"
+    )
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
@@ -98,9 +100,9 @@ def test_values_that_are_not_finite_are_outside(wrong: float) -> None:
     reference = np.linspace(0.0, 1.0, 11)
     values = reference.copy()
     values[7] = wrong
-    found = against(values, reference, Tolerance(relative=1e6))
-    assert found.left_at == pytest.approx(0.7)
-    assert found.worst == np.inf
+    comparison = against(values, reference, Tolerance(relative=1e6))
+    assert comparison.left_at == pytest.approx(0.7)
+    assert comparison.worst == np.inf
 
 
 def test_gaps_of_the_reference_and_times_without_it_are_not_compared() -> None:
@@ -125,20 +127,20 @@ def test_constant_signal_is_relative_to_its_value(
 
 def test_first_departure_comes_first() -> None:
     reference = np.zeros(11)
-    found = []
+    departures = []
     for k in (7, 2, 5):
         values = reference.copy()
         values[k] = 1.0
-        found.append(against(values, reference, EXACT))
-    found.append(against(reference, reference, EXACT))
-    assert [c.left_at for c in select_outside(found)] == pytest.approx([0.2, 0.5, 0.7])
+        departures.append(against(values, reference, EXACT))
+    departures.append(against(reference, reference, EXACT))
+    assert [c.left_at for c in select_outside(departures)] == pytest.approx([0.2, 0.5, 0.7])
 
 
 def test_later_tolerances_override_earlier_ones() -> None:
-    given = read_tolerances(["1e-4", "a.*=time:0,absolute:1e-9", "a.x=1e-6"])
-    assert find_tolerance("b", given) == Tolerance(1e-4)
-    assert find_tolerance("a.y", given) == Tolerance(1e-4, 1e-9, 0.0)
-    assert find_tolerance("a.x", given) == Tolerance(1e-6, 1e-9, 0.0)
+    tolerances = read_tolerances(["1e-4", "a.*=time:0,absolute:1e-9", "a.x=1e-6"])
+    assert find_tolerance("b", tolerances) == Tolerance(1e-4)
+    assert find_tolerance("a.y", tolerances) == Tolerance(1e-4, 1e-9, 0.0)
+    assert find_tolerance("a.x", tolerances) == Tolerance(1e-6, 1e-9, 0.0)
     assert find_tolerance("z", {}) == Tolerance()
 
 
@@ -156,7 +158,9 @@ def test_invalid_tolerances(texts: list[str], message: str) -> None:
 
 
 def test_tolerances_of_a_file() -> None:
-    found = convert_value({"tolerance": {"x": 1e-5, "y": {"time": 0.0}}}, ReferenceTable, "'f'").tolerance
-    assert found == {"x": Tolerance(1e-5), "y": Tolerance(time=0.0)}
+    tolerances = convert_value(
+        {"tolerance": {"x": 1e-5, "y": {"time": 0.0}}}, ReferenceTable, "'f'"
+    ).tolerance
+    assert tolerances == {"x": Tolerance(1e-5), "y": Tolerance(time=0.0)}
     with pytest.raises(CommandError, match=r"'x' in \[tolerance\] of 'f' has the unknown entry 'tme'"):
         convert_value({"tolerance": {"x": {"tme": 0.0}}}, ReferenceTable, "'f'")
