@@ -48,7 +48,7 @@ class Check:
 
     def __reduce__(self) -> Any:
         """Pickle the check by its module and name, for other processes."""
-        return _of, (self.examine.__module__, self.examine.__name__)
+        return _load_check, (self.examine.__module__, self.examine.__name__)
 
     @property
     def group(self) -> str:
@@ -66,5 +66,5 @@ def check(name: str, title: str, clause: Clause, hint: str, **more: Any) -> Call
     return lambda examine: Check(name, title, clause, hint, examine, **more)
 
 
-def _of(module: str, name: str) -> Check:
+def _load_check(module: str, name: str) -> Check:
     return getattr(import_module(module), name)

@@ -53,7 +53,7 @@ class CheckRunner:
         seconds = check.time_factor * self._settings.seconds
         memory = min(round(check.memory_factor * self._settings.memory), _MOST_MEMORY)
         outcome = self.call(check, seconds, memory)
-        return make_finding(check, outcome, time.monotonic() - start, _version(self.subject))
+        return make_finding(check, outcome, time.monotonic() - start, _read_version(self.subject))
 
     def call(self, check: Check, seconds: float, memory: int) -> CheckOutcome:
         """Return the outcome of a check in a process with these limits in s and bytes."""
@@ -105,12 +105,12 @@ def do_check(subject: Any, check: Check) -> CheckOutcome:
     outcome = _examine(check, subject)
     with suppress(Exception):  # it cannot be read
         _ = subject.tree
-    if (version := _version(subject)) != 2 and outcome.clause is None:
+    if (version := _read_version(subject)) != 2 and outcome.clause is None:
         outcome = replace(outcome, clause=check.clause)
     return translate(version, outcome)
 
 
-def _version(subject: Any) -> int:
+def _read_version(subject: Any) -> int:
     """Return the version of FMI of an FMU as far as it is known; 2 for a system."""
     return getattr(subject, "known_version", 2)
 
@@ -118,8 +118,8 @@ def _version(subject: Any) -> int:
 def _examine(check: Check, subject: Any) -> CheckOutcome:
     from .host.hosted_instance import CallError  # loads fmpy.fmi2
 
-    if check.only_for not in (0, _version(subject)):
-        return skipped(f"FMI {_version(subject)}.0 does not have it.")
+    if check.only_for not in (0, _read_version(subject)):
+        return skipped(f"FMI {_read_version(subject)}.0 does not have it.")
     try:
         return check.examine(subject)
     except CallError as error:

@@ -63,18 +63,18 @@ def examine_fmu(
     reported = tuple(f for f in findings.values() if f.check in (names - other_version or names))
     return Examined(
         subject.path,
-        _facts(subject),
+        _collect_facts(subject),
         reported,
         time.monotonic() - start,
         objections=(
             *find_objections(reported, subject.settings),
-            *_not_in_version(subject, other_version, reported),
+            *_find_missing_in_version(subject, other_version, reported),
         ),
         not_examined=list_unexamined(subject, findings),
     )
 
 
-def _not_in_version(
+def _find_missing_in_version(
     subject: Subject, other_version: Iterable[str], reported: Sequence[Finding]
 ) -> Iterator[str]:
     """Yield checks that must run, but are of what another version of FMI has."""
@@ -135,14 +135,14 @@ def select_needed_checks(settings: Settings) -> list[Check]:
 def _find(check: Check, runner: CheckRunner, before: Mapping[str, Finding]) -> Finding:
     """Run a check. Skip it if it needs one which failed or was skipped."""
     subject = runner.subject
-    if (missing := _missing(check, before, subject.settings.skip)) is None:
+    if (missing := _find_missing_need(check, before, subject.settings.skip)) is None:
         finding = runner.run(check)
-        if (missing := _hindering(check, finding, before)) is None:
+        if (missing := _find_hindering(check, finding, before)) is None:
             return finding
     return skip_blocked(check, missing, subject.known_version)
 
 
-def _missing(check: Check, before: Mapping[str, Finding], skip: Sequence[str]) -> Finding | None:
+def _find_missing_need(check: Check, before: Mapping[str, Finding], skip: Sequence[str]) -> Finding | None:
     """Return a needed check that failed or was skipped, among those that have run.
 
     A failed check that `skip` leaves out does not excuse those that need it, unless it is vital for them.
@@ -156,7 +156,7 @@ def _missing(check: Check, before: Mapping[str, Finding], skip: Sequence[str]) -
     return None
 
 
-def _hindering(check: Check, finding: Finding, before: Mapping[str, Finding]) -> Finding | None:
+def _find_hindering(check: Check, finding: Finding, before: Mapping[str, Finding]) -> Finding | None:
     """Return a failed check without which this one, which was tried all the same, went wrong."""
     if not finding.sentence.startswith(ERROR_OF_CHECK):
         return None
@@ -166,7 +166,7 @@ def _hindering(check: Check, finding: Finding, before: Mapping[str, Finding]) ->
     return next((before[n] for n in needed if n in before and before[n].verdict == Verdict.FAILED), None)
 
 
-def _facts(subject: Subject) -> dict[str, str]:
+def _collect_facts(subject: Subject) -> dict[str, str]:
     """Return facts about the FMU for the top of its report."""
     facts = {}
     with suppress(OSError):

@@ -149,7 +149,7 @@ MANIFESTS = {
 
 def find_element_problems(root: Any, rule: ElementRule) -> Iterator[str]:
     """Yield where a manifest violates the rule of its root element, with line numbers."""
-    if (name := _local(root)) != rule.name:
+    if (name := _read_local_name(root)) != rule.name:
         yield f"its root element is {name}; it must be {rule.name}."
         return
     yield from _find_problems(root, rule)
@@ -172,14 +172,14 @@ def _find_problems(element: Any, rule: ElementRule) -> Iterator[str]:
     children = [child for child in element if isinstance(child.tag, str)]
     rules = {child.name: child for child in rule.children}
     for child in children:
-        if _local(child) in rules:
-            yield from _find_problems(child, rules[_local(child)])
+        if _read_local_name(child) in rules:
+            yield from _find_problems(child, rules[_read_local_name(child)])
         else:
-            yield f"{where} cannot have the element {_local(child)}."
+            yield f"{where} cannot have the element {_read_local_name(child)}."
     for child_rule in rule.children:
-        if sum(_local(child) == child_rule.name for child in children) < child_rule.least:
+        if sum(_read_local_name(child) == child_rule.name for child in children) < child_rule.least:
             yield f"{where} has no element {child_rule.name}."
 
 
-def _local(element: Any) -> str:
+def _read_local_name(element: Any) -> str:
     return etree.QName(element).localname

@@ -73,7 +73,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Find the FMUs before collection. Workers of pytest-xdist receive their list."""
     config = session.config
-    if (shared := _worker_data(config)) is not None:
+    if (shared := _read_worker_data(config)) is not None:
         config.stash[_FMUS] = shared["fmus"]
         return
     paths = list(_match_files(_read_option(config, "fmu"), config.invocation_params.dir, "--fmu"))
@@ -141,7 +141,7 @@ class FmuCollector(pytest.File):
 
     def _share_result(self, do: Callable[[], Examined]) -> Examined:
         """Call `do` in one worker of pytest-xdist and share the result with all."""
-        shared = _worker_data(self.config)
+        shared = _read_worker_data(self.config)
         if shared is None:
             return do()
         from .compute_once import compute_once
@@ -236,7 +236,7 @@ class _FailureText:
         terminal.line(rest)
 
 
-def _worker_data(config: pytest.Config) -> dict[str, Any] | None:
+def _read_worker_data(config: pytest.Config) -> dict[str, Any] | None:
     """Return the data sent to this worker of pytest-xdist; None in other processes."""
     return getattr(config, "workerinput", {}).get("emla_verify")
 

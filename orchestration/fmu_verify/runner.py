@@ -75,13 +75,13 @@ def verify(
         RunError: the machine has no space or memory for it. All other problems are findings.
     """
     paths_by_name = _name_paths(paths, systems)
-    settings = _settings(reference, only, skip, tolerance, seconds, memory, record, fail_on, must_run)
+    settings = _make_settings(reference, only, skip, tolerance, seconds, memory, record, fail_on, must_run)
     progress = progress or Progress()
     with ExitStack() as resources:
         jobs = [
             job
             for name, path in paths_by_name.items()
-            for job in _jobs(name, path, settings, systems, resources)
+            for job in _make_jobs(name, path, settings, systems, resources)
         ]
         if record is not None:
             check_recording(record, [job.path for job in jobs])
@@ -138,7 +138,7 @@ def _expand_folder(name: str, path: str | Path, systems: SystemKind | None) -> l
     return [(f"{name.rstrip('/')}/{f.relative_to(folder).as_posix()}", f) for f in files]
 
 
-def _settings(
+def _make_settings(
     reference: str | Path | None,
     only: Sequence[str],
     skip: Sequence[str],
@@ -182,7 +182,7 @@ def _settings(
     return settings
 
 
-def _jobs(
+def _make_jobs(
     name: str, path: Path, settings: Settings, systems: SystemKind | None, resources: ExitStack
 ) -> list[ExaminerJob]:
     """Return the jobs for a path: one for an FMU; for a system, one for each of its FMUs and itself."""

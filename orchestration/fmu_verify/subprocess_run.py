@@ -74,7 +74,7 @@ class CheckProcess:
     ) -> None:
         self._notes = CrashPageFile()
         try:
-            self._child = Child(_answer, do, arguments, self._notes.path, memory, writable, fork=True)
+            self._child = Child(_serve, do, arguments, self._notes.path, memory, writable, fork=True)
         except BaseException:
             self._notes.close()
             raise
@@ -138,7 +138,7 @@ def _describe_timeout(doing: str, seconds: float, still: float) -> CheckOutcome:
     return blocked(message, hint=_SLOW, gaps=(message,))
 
 
-def _answer(
+def _serve(
     channel: Channel,
     do: Callable[..., CheckOutcome],
     first: tuple[Any, ...],

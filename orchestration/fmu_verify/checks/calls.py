@@ -43,22 +43,22 @@ _CALLS: dict[str, Callable[[HostedInstance], int]] = {
 """Calls of functions with arguments."""
 
 
-def _forbid(phase: str, function: str) -> _Forbidden:
+def _make_forbidden(phase: str, function: str) -> _Forbidden:
     return _Forbidden(phase, function, _CALLS.get(function, lambda instance: instance.status(function)))
 
 
 _BEFORE, _INITIALIZING, _AFTER, _TERMINATED = _PHASES
 _OF_BOTH = (
-    _forbid(_BEFORE, "fmi2ExitInitializationMode"),
-    _forbid(_BEFORE, "fmi2Terminate"),
-    _forbid(_INITIALIZING, "fmi2EnterInitializationMode"),
-    _forbid(_AFTER, "fmi2EnterInitializationMode"),
-    _forbid(_AFTER, "fmi2ExitInitializationMode"),
-    _forbid(_AFTER, "fmi2SetupExperiment"),
-    _forbid(_TERMINATED, "fmi2EnterInitializationMode"),
+    _make_forbidden(_BEFORE, "fmi2ExitInitializationMode"),
+    _make_forbidden(_BEFORE, "fmi2Terminate"),
+    _make_forbidden(_INITIALIZING, "fmi2EnterInitializationMode"),
+    _make_forbidden(_AFTER, "fmi2EnterInitializationMode"),
+    _make_forbidden(_AFTER, "fmi2ExitInitializationMode"),
+    _make_forbidden(_AFTER, "fmi2SetupExperiment"),
+    _make_forbidden(_TERMINATED, "fmi2EnterInitializationMode"),
 )
 _OF = {
-    kind: tuple(_forbid(phase, function) for phase in (_BEFORE, _INITIALIZING, _TERMINATED))
+    kind: tuple(_make_forbidden(phase, function) for phase in (_BEFORE, _INITIALIZING, _TERMINATED))
     for kind, function in (("CoSimulation", "fmi2DoStep"), ("ModelExchange", "fmi2EnterContinuousTimeMode"))
 }
 
@@ -96,13 +96,20 @@ def phases(subject: Subject) -> CheckOutcome:
 
 def _find_accepted(subject: Subject) -> tuple[int, list[str]]:
     """Return the number of calls, and those that returned fmi2OK."""
-    calls = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject), *_clocks(subject)]
+    calls = [
+        *_OF_BOTH,
+        *_OF[subject.kinds[0]],
+        *_yield_parameter_calls(subject),
+        *_yield_clock_calls(subject),
+    ]
     calls = [f for f in calls if subject.version == 2 or f.function != "fmi2SetupExperiment"]
-    accepted = [f"{f.function} {f.phase}" for f in calls if in_separate_process(_answer, subject, f) in FINE]
+    accepted = [
+        f"{f.function} {f.phase}" for f in calls if in_separate_process(_call_in_phase, subject, f) in FINE
+    ]
     return len(calls), accepted
 
 
-def _parameters(subject: Subject) -> Iterator[_Forbidden]:
+def _yield_parameter_calls(subject: Subject) -> Iterator[_Forbidden]:
     """Yield the call that sets a fixed parameter after initialization, if there is one."""
     fixed = [v for v in subject.of_causality("parameter") if v.variability == "fixed" and v.start is not None]
     for variable in fixed[:1]:
@@ -111,7 +118,7 @@ def _parameters(subject: Subject) -> Iterator[_Forbidden]:
         yield _Forbidden(_AFTER, name, lambda i, v=values: i.set_status(v))
 
 
-def _clocks(subject: Subject) -> Iterator[_Forbidden]:
+def _yield_clock_calls(subject: Subject) -> Iterator[_Forbidden]:
     """Yield the call that makes a Clock tick in step mode, if there is one."""
     for clock in subject.input_clocks[:1]:
         reference, active = (c_uint * 1)(clock.reference), (c_bool * 1)(True)
@@ -121,7 +128,7 @@ def _clocks(subject: Subject) -> Iterator[_Forbidden]:
 
 def list_refused_calls(subject: Subject) -> list[_Forbidden]:
     """Return a few calls in a wrong phase that most FMUs refuse."""
-    return [*_OF_BOTH[:4], *_OF[subject.kinds[0]][:1], *_parameters(subject)]
+    return [*_OF_BOTH[:4], *_OF[subject.kinds[0]][:1], *_yield_parameter_calls(subject)]
 
 
 def go_to_phase(instance: HostedInstance, phase: str) -> None:
@@ -135,7 +142,7 @@ def go_to_phase(instance: HostedInstance, phase: str) -> None:
         instance.terminate()
 
 
-def _answer(subject: Subject, forbidden: _Forbidden) -> int:
+def _call_in_phase(subject: Subject, forbidden: _Forbidden) -> int:
     """Return the status of a call in its phase. Then reset the instance, if it can be, and free it."""
     instance = HostedInstance(subject)
     go_to_phase(instance, forbidden.phase)

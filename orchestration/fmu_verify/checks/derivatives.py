@@ -248,7 +248,7 @@ def adjoint(subject: Subject) -> CheckOutcome:
     if not subject.has_flag("providesAdjointDerivatives", kind):
         return skipped("providesAdjointDerivatives is not set.")
     directional = subject.has_flag("providesDirectionalDerivatives", kind)
-    (first, *further_modes), gaps = _adjoint_modes(subject, kind, directional), list[str]()
+    (first, *further_modes), gaps = _list_adjoint_modes(subject, kind, directional), list[str]()
     wrong, count = in_separate_process(_compare_adjoint, subject, first, directional)
     for points in further_modes:
         try:
@@ -268,7 +268,7 @@ def adjoint(subject: Subject) -> CheckOutcome:
     return passed(message, gaps=tuple(gaps))
 
 
-def _adjoint_modes(subject: Subject, kind: str, directional: bool) -> list[Points]:
+def _list_adjoint_modes(subject: Subject, kind: str, directional: bool) -> list[Points]:
     """Return the modes in which a kind has derivatives; between steps, an FMU may hold its outputs."""
     if kind != "CoSimulation":
         return [in_event_mode, *([in_continuous_time_mode] if list_states(subject) else [])]

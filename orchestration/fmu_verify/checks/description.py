@@ -49,7 +49,7 @@ def readable(subject: Subject) -> CheckOutcome:
         )
     version = root.get("fmiVersion")
     if version != "2.0" and subject.version != 3:
-        return _other_version(version)
+        return _judge_version(version)
     if root.getroottree().docinfo.internalDTD is not None:
         return failed(f"{DESCRIPTION} has a document type definition, which FMI does not allow.")
     if not subject.kinds:
@@ -78,7 +78,7 @@ _VERSION = Clause(
 )
 
 
-def _other_version(version: str | None) -> CheckOutcome:
+def _judge_version(version: str | None) -> CheckOutcome:
     if version is None:
         return failed(f"{DESCRIPTION} has no fmiVersion.", clause=_VERSION)
     if re.fullmatch(r"2\.0\.\d+", version):

@@ -52,8 +52,8 @@ def environment(subject: Subject) -> CheckOutcome:
     if subject.kinds[0] == "ScheduledExecution" or subject.has_clocks:
         message = "Whether it also runs with a pointer to an environment was not compared: it has Clocks."
         return passed("Other checks run it with NULL.", gaps=(message,))
-    problem_with_null, _ = _try(subject, is_null=True)
-    problem, wrong_messages = _try(subject, is_null=False)
+    problem_with_null, _ = _run_one_step(subject, is_null=True)
+    problem, wrong_messages = _run_one_step(subject, is_null=False)
     if problem_with_null and not problem:
         return failed(f"It runs with a pointer to an environment, but not with NULL. {problem_with_null}")
     if problem and not problem_with_null:
@@ -68,7 +68,7 @@ def environment(subject: Subject) -> CheckOutcome:
     return passed("It does the same with NULL and with a pointer to an environment.")
 
 
-def _try(subject: Subject, is_null: bool) -> tuple[str, int]:
+def _run_one_step(subject: Subject, is_null: bool) -> tuple[str, int]:
     """Return how a run ended, empty if well, and how many messages came with another pointer."""
     try:
         return "", in_fresh_process(_run, subject, is_null, timeout=_TIME_FRACTION * subject.settings.seconds)
@@ -82,14 +82,14 @@ def _run(subject: Subject, is_null: bool) -> int:
     pointer = None if is_null else ctypes.addressof(environment_block)
     wrong_messages = 0
 
-    def hear(environment: int | None, *_: Any) -> None:
+    def on_message(environment: int | None, *_: Any) -> None:
         nonlocal wrong_messages
         wrong_messages += environment != pointer
 
-    logger = fmi2.fmi2CallbackLoggerTYPE(hear)
+    logger = fmi2.fmi2CallbackLoggerTYPE(on_message)
     LOG.callbacks.componentEnvironment, LOG.callbacks.logger = pointer, logger
     fmi3.fmi3InstanceEnvironment = lambda: ctypes.c_void_p(pointer)  # fmpy (0.3.32) passes NULL
-    setattr(FmuLog, "hear", hear)  # noqa: B010 - of FMI 3.0
+    setattr(FmuLog, "hear", on_message)  # noqa: B010 - of FMI 3.0
     instance = HostedInstance(subject, logging=True)
     run_instance(instance, make_experiment(subject, 1))
     instance.close()

@@ -144,7 +144,7 @@ def cycles(subject: Subject) -> CheckOutcome:
     while count < _MOST:
         if (spent := time.monotonic() - start) > 1.0 or (spent > _WARM_UP and count >= _FEWEST):
             break
-        _cycle(instance, course)
+        _run_cycle(instance, course)
         count += 1
     leak = _measure_leak(instance, course, count)
     if leak:  # measure again, for longer, to be sure
@@ -161,7 +161,7 @@ def cycles(subject: Subject) -> CheckOutcome:
     return passed(f"{figures['cycles']} instances were created, run, reset and freed.", figures=figures)
 
 
-def _cycle(instance: HostedInstance, course: Experiment) -> None:
+def _run_cycle(instance: HostedInstance, course: Experiment) -> None:
     instance.instantiate()
     run_instance(instance, course)
     instance.reset()
@@ -175,7 +175,7 @@ def _measure_leak(instance: HostedInstance, course: Experiment, count: int) -> f
     used = [_read_used()]
     for _ in range(_BATCHES):
         for _ in range(count):
-            _cycle(instance, course)
+            _run_cycle(instance, course)
         used.append(_read_used())
     leaks = [0.0]
     for grown, pages in zip(np.diff(used, axis=0).T, (_PAGES, 0.0), strict=True):
@@ -202,16 +202,16 @@ def independent(subject: Subject) -> CheckOutcome:
     """Check that two instances that take turns, and one after them, give the same as each alone."""
     if is_single_instance(subject):
         return skipped(_ONLY_ONCE)
-    courses = _courses(subject, 2)
+    courses = _make_courses(subject, 2)
     expected = [run_alone(subject, course) for course in courses]
-    trajectories = in_fresh_process(_in_turns, subject, courses)
+    trajectories = in_fresh_process(_run_in_turns, subject, courses)
     subject_of_message = "An instance that runs with another one"
     outcomes = [compare_runs(f, w, subject_of_message) for f, w in zip(trajectories, expected, strict=False)]
     outcomes.append(compare_runs(trajectories[-1], expected[0], "An instance after others"))
-    return _worst(outcomes) or passed("Two instances that took turns gave the same as each alone.")
+    return _find_worst(outcomes) or passed("Two instances that took turns gave the same as each alone.")
 
 
-def _courses(subject: Subject, count: int, steps: int = MOST_STEPS) -> list[Experiment]:
+def _make_courses(subject: Subject, count: int, steps: int = MOST_STEPS) -> list[Experiment]:
     """Return experiments that begin with different inputs."""
     course = make_experiment(subject, steps)
     shift = max(1, len(course.times) // (count + 1))
@@ -221,7 +221,7 @@ def _courses(subject: Subject, count: int, steps: int = MOST_STEPS) -> list[Expe
     ]
 
 
-def _in_turns(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
+def _run_in_turns(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
     """Run one instance for each course, each some steps behind the one before, and one more at the end."""
     instances = [HostedInstance(subject, f"examined {k}") for k in range(len(courses))]
     names = list_outputs(subject)
@@ -249,7 +249,7 @@ def _in_turns(subject: Subject, courses: list[Experiment]) -> list[OutputTraject
     return [*trajectories, run_instance(HostedInstance(subject), courses[0])]
 
 
-def _worst(outcomes: list[CheckOutcome]) -> CheckOutcome | None:
+def _find_worst(outcomes: list[CheckOutcome]) -> CheckOutcome | None:
     for verdict in (Verdict.FAILED, Verdict.WARNING):
         for outcome in outcomes:
             if outcome.verdict == verdict:
@@ -286,21 +286,21 @@ def threads(subject: Subject) -> CheckOutcome:
 
     The standard says in passing that they can be called in parallel.
     """
-    courses = _courses(subject, max(_THREADS), _STEPS_IN_THREADS)
-    expected = in_fresh_process(_one_by_one, subject, courses, _PART * subject.settings.seconds)
+    courses = _make_courses(subject, max(_THREADS), _STEPS_IN_THREADS)
+    expected = in_fresh_process(_run_one_by_one, subject, courses, _PART * subject.settings.seconds)
     if isinstance(expected, int):
-        courses = _courses(subject, max(_THREADS), expected)
-        expected = in_fresh_process(_one_by_one, subject, courses)
+        courses = _make_courses(subject, max(_THREADS), expected)
+        expected = in_fresh_process(_run_one_by_one, subject, courses)
     for count in _THREADS:
         try:
-            trajectories = in_fresh_process(_in_threads, subject, courses[:count])
+            trajectories = in_fresh_process(_run_in_threads, subject, courses[:count])
         except (CallError, EndedError) as error:
             return warned(f"With {count} instances, each in its own thread: {error}")
         outcomes = [
             compare_runs(f, w, f"One of {count} instances in threads")
             for f, w in zip(trajectories, expected, strict=False)
         ]
-        if worse := _worst(outcomes):
+        if worse := _find_worst(outcomes):
             return worse
     if worse := _judge_steps_at_once(subject):
         return worse
@@ -324,7 +324,7 @@ def _judge_steps_at_once(subject: Subject) -> CheckOutcome | None:
         trajectory = in_fresh_process(_step_in_threads, subject, steps, expected)
     except (CallError, EndedError):  # as a run whose inputs do not change
         return None
-    return _worst([compare_runs(trajectory, expected, f"One of {_AT_ONCE} instances in threads")])
+    return _find_worst([compare_runs(trajectory, expected, f"One of {_AT_ONCE} instances in threads")])
 
 
 def _step_alone(subject: Subject) -> tuple[int, OutputTrajectory]:
@@ -369,7 +369,7 @@ def _read_outputs(instance: HostedInstance) -> OutputTrajectory:
     return OutputTrajectory(np.zeros(1), names, np.array([instance.get(names)], dtype=float))
 
 
-def _one_by_one(
+def _run_one_by_one(
     subject: Subject, courses: list[Experiment], limit: float = math.inf
 ) -> list[OutputTrajectory] | int:
     """Return runs; or how many steps a run has in a limit in s, if the first one exceeds it."""
@@ -384,7 +384,7 @@ def _one_by_one(
     return trajectories
 
 
-def _in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
+def _run_in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
     instances = [HostedInstance(subject, f"examined {k}") for k in range(len(courses))]
     with ThreadPoolExecutor(len(courses)) as pool:
         return list(pool.map(run_instance, instances, courses))
@@ -402,8 +402,10 @@ def _in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputTraje
 )
 def reset(subject: Subject) -> CheckOutcome:
     """Compare a run after fmi2Reset with that of a new instance, both after the same first run."""
-    expected = run_alone(subject) if is_single_instance(subject) else in_fresh_process(_twice, subject, False)
-    after_reset = in_fresh_process(_twice, subject, True)
+    expected = (
+        run_alone(subject) if is_single_instance(subject) else in_fresh_process(_run_twice, subject, False)
+    )
+    after_reset = in_fresh_process(_run_twice, subject, True)
     return compare_runs(after_reset, expected, "A run after fmi2Reset", _ALLOWED)
 
 
@@ -411,7 +413,7 @@ _ALLOWED = 1e-6
 """Effect of solvers that begin to iterate at their last solution, relative to an output's range."""
 
 
-def _twice(subject: Subject, resets: bool) -> OutputTrajectory:
+def _run_twice(subject: Subject, resets: bool) -> OutputTrajectory:
     """Return the second of two runs, of the same instance (`resets`) or of a second one.
 
     Static variables keep their values in both cases, since fmi2Reset does not concern them.

@@ -90,13 +90,17 @@ def categories(subject: Subject) -> CheckOutcome:
         raise
     for line in quiet:
         if line.status == OK:
-            return failed(f"With debug logging off it logs in {_category(line)}: {format_message(line.text)}")
+            return failed(
+                f"With debug logging off it logs in {_describe_category(line)}: {format_message(line.text)}"
+            )
     for category, lines in zip(enabled_alone, messages_of_one, strict=True):
         for line in lines:
             if line.status == OK and line.category != category:
-                where = f"With only {category} enabled it logs in {_category(line)}"
+                where = f"With only {category} enabled it logs in {_describe_category(line)}"
                 return failed(f"{where}: {format_message(line.text)}", clause=_ENABLED)
-    strange = sorted({_category(line) for line in [*quiet, *everything] if line.category not in declared})
+    strange = sorted(
+        {_describe_category(line) for line in [*quiet, *everything] if line.category not in declared}
+    )
     if strange and declared:
         message = f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare."
         return warned(message, clause=_ALLOWED)
@@ -133,7 +137,9 @@ def errors(subject: Subject) -> CheckOutcome:
     FMI 3.0 requires it, FMI 2.0 expects it, so that it is noted there.
     """
     silent, refused = [], 0
-    for call, (status, is_explained) in zip(list_refused_calls(subject), _answers(subject), strict=True):
+    for call, (status, is_explained) in zip(
+        list_refused_calls(subject), _collect_answers(subject), strict=True
+    ):
         if status in (ERROR, FATAL):
             refused += 1
             silent += [] if is_explained else [f"{call.function} {call.phase}"]
@@ -155,27 +161,27 @@ _Answer = tuple[int, bool]
 _NONE = OK, False
 
 
-def _answers(subject: Subject) -> list[_Answer]:
+def _collect_answers(subject: Subject) -> list[_Answer]:
     """Return the answers to all calls; each call has a process of its own if they do harm in one."""
     numbers = range(len(list_refused_calls(subject)))
     if not is_single_instance(subject):
         with suppress(CallError, EndedError):
-            return in_fresh_process(_refused_all, subject, numbers)
-    return [_refused_alone(subject, number) for number in numbers]
+            return in_fresh_process(_call_all, subject, numbers)
+    return [_call_separately(subject, number) for number in numbers]
 
 
-def _refused_alone(subject: Subject, number: int) -> _Answer:
+def _call_separately(subject: Subject, number: int) -> _Answer:
     try:
-        return in_fresh_process(_refused, subject, number)
+        return in_fresh_process(_call, subject, number)
     except (CallError, EndedError):  # other checks report it
         return _NONE
 
 
-def _refused_all(subject: Subject, numbers: Sequence[int]) -> list[_Answer]:
-    return [_refused(subject, number) for number in numbers]
+def _call_all(subject: Subject, numbers: Sequence[int]) -> list[_Answer]:
+    return [_call(subject, number) for number in numbers]
 
 
-def _refused(subject: Subject, number: int) -> _Answer:
+def _call(subject: Subject, number: int) -> _Answer:
     call = list_refused_calls(subject)[number]
     instance = HostedInstance(subject, logging=True)
     go_to_phase(instance, call.phase)
@@ -187,7 +193,7 @@ def _refused(subject: Subject, number: int) -> _Answer:
     return status, is_explained
 
 
-def _category(line: LogLine) -> str:
+def _describe_category(line: LogLine) -> str:
     return f"category {line.category!r}" if line.category else "no category"
 
 

@@ -114,11 +114,11 @@ def _list_calls(instance: HostedInstance) -> Iterator[tuple[str, Callable[[], ob
     variables = [v for v in subject.description.modelVariables if not v.clocks]
     for kind in _TYPES:
         if names := [v.name for v in variables if v.type == kind][:_MOST_NAMES]:
-            yield f"fmi2Get{_suffix_of(kind)}", lambda names=names: instance.get_together(names)
+            yield f"fmi2Get{_choose_suffix(kind)}", lambda names=names: instance.get_together(names)
     for kind in _TYPES:
         inputs = [v for v in list_settable(subject, "input") if v.type == kind and not v.clocks][:_MOST_NAMES]
         if values := {v.name: read_start(v) for v in inputs}:
-            yield f"fmi2Set{_suffix_of(kind)}", lambda values=values: instance.set(values)
+            yield f"fmi2Set{_choose_suffix(kind)}", lambda values=values: instance.set(values)
     if subject.has_capability("canGetAndSetFMUstate"):
         yield "fmi2GetFMUstate and fmi2FreeFMUstate", lambda: instance.free_state(instance.save_state())
         state = instance.save_state()
@@ -127,7 +127,7 @@ def _list_calls(instance: HostedInstance) -> Iterator[tuple[str, Callable[[], ob
             yield "fmi2SerializeFMUstate", lambda: instance.serialize(state)
 
 
-def _suffix_of(kind: str) -> str:
+def _choose_suffix(kind: str) -> str:
     return "Integer" if kind == "Enumeration" else kind
 
 

@@ -53,7 +53,7 @@ def resources(subject: Subject) -> CheckOutcome:
     """Check that open files, threads and child processes do not grow with the number of instances."""
     if not can_list_resources():
         return skipped("This system does not list the resources of a process.")
-    first, grown = in_fresh_process(_grown, subject)
+    first, grown = in_fresh_process(_count_growth, subject)
     remaining = {name: count for name, count in first.items() if count > 0}
     leaks = [name for name, count in grown.items() if count >= _CYCLES]
     if remaining.get("processes"):
@@ -70,7 +70,7 @@ def resources(subject: Subject) -> CheckOutcome:
     return passed("Instances leave no open files, threads and processes behind.")
 
 
-def _grown(subject: Subject) -> tuple[dict[str, int], dict[str, int]]:
+def _count_growth(subject: Subject) -> tuple[dict[str, int], dict[str, int]]:
     """Return how many resources the first instance leaves, and how many the later ones."""
     adopt_orphans()
     if not is_single_instance(subject):  # what the library opens once is not a leak
@@ -107,7 +107,7 @@ _NOTHING = "nothing"
 )
 def settings(subject: Subject) -> CheckOutcome:
     """Compare the working folder, locale, rounding and signal handlers before and after a short run."""
-    before, steps, after = in_fresh_process(_settings_of_run, subject)
+    before, steps, after = in_fresh_process(_read_settings_of_run, subject)
     changed = {
         name: snapshot.get(name, _NOTHING)
         for snapshot in (steps, after)
@@ -120,7 +120,7 @@ def settings(subject: Subject) -> CheckOutcome:
     return judge_problems((), f"{len(before)} settings of the process are unchanged.", problems)
 
 
-def _settings_of_run(subject: Subject) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
+def _read_settings_of_run(subject: Subject) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
     """Return the settings before the FMU is loaded, after some steps, and after the instance is freed."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # so that a change shows
     if hasattr(signal, "SIGPIPE"):
@@ -148,7 +148,7 @@ def files(subject: Subject) -> CheckOutcome:
         for path in folders.values():
             path.mkdir()
             (path / _CANARY_FILE).write_text("This file belongs to the user.\n")
-        before = _times_of_changes(subject)
+        before = _read_change_times(subject)
         try:
             in_fresh_process(_run_in, subject, folders["working"], folders["home"])
         except (CallError, EndedError):  # it may need files of the home folder, such as a license
@@ -163,9 +163,9 @@ def files(subject: Subject) -> CheckOutcome:
             for name, path in folders.items()
             if not (path / _CANARY_FILE).is_file()
         ]
-    if changed_files := _changed_files(subject):
+    if changed_files := _list_changed_files(subject):
         problems.append(f"It changes files in its own folder: {join_few_names(changed_files)}.")
-    elif touched := [name for name, time in _times_of_changes(subject).items() if before.get(name) != time]:
+    elif touched := [name for name, time in _read_change_times(subject).items() if before.get(name) != time]:
         problems.append(f"It writes in its own folder, and restores it: {join_few_names(touched)}.")
     return judge_problems((), "It writes no files into its own, the working or the home folder.", problems)
 
@@ -184,13 +184,13 @@ def _run_in(subject: Subject, working: Path, home: Path | None) -> None:
     instance.close()
 
 
-def _times_of_changes(subject: Subject) -> dict[str, int]:
+def _read_change_times(subject: Subject) -> dict[str, int]:
     """Return when files of the unpacked FMU, and the lists of its folders, changed, by name."""
     paths = sorted(subject.folder.rglob("*"))
     return {p.relative_to(subject.folder).as_posix(): p.lstat().st_mtime_ns for p in paths}
 
 
-def _changed_files(subject: Subject) -> list[str]:
+def _list_changed_files(subject: Subject) -> list[str]:
     """Return files of the unpacked FMU that its archive does not have, or has with another content."""
     with zipfile.ZipFile(subject.path) as archive:
         sums = {info.filename: (info.file_size, info.CRC) for info in archive.infolist() if not info.is_dir()}
@@ -199,12 +199,12 @@ def _changed_files(subject: Subject) -> list[str]:
         name = path.relative_to(subject.folder).as_posix()
         size, total = sums.get(name, (-1, 0))
         sums.pop(name, None)
-        if path.stat().st_size != size or _checksum(path) != total:
+        if path.stat().st_size != size or _compute_checksum(path) != total:
             changed.append(name)
     return [*changed, *(f"{name} (removed)" for name in sums)]
 
 
-def _checksum(path: Path) -> int:
+def _compute_checksum(path: Path) -> int:
     total = 0
     with path.open("rb") as stream:
         while block := stream.read(2**20):
@@ -225,7 +225,7 @@ _QUIET = 4096
 )
 def output(subject: Subject) -> CheckOutcome:
     """Check how much a short run writes to standard output and standard error."""
-    written = in_fresh_process(_written, subject)
+    written = in_fresh_process(_record_streams, subject)
     problems = [
         f"In {_STEPS} steps it writes {size / 1024:.0f} KiB to {name}: {format_message(line)}"
         for name, (size, line) in written.items()
@@ -234,7 +234,7 @@ def output(subject: Subject) -> CheckOutcome:
     return judge_problems((), "It hardly writes to standard output and standard error.", problems)
 
 
-def _written(subject: Subject) -> dict[str, tuple[int, str]]:
+def _record_streams(subject: Subject) -> dict[str, tuple[int, str]]:
     """Return the number of bytes and the first line that go to each stream."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as errors:
         streams = {"standard output": (1, out), "standard error": (2, errors)}
@@ -263,7 +263,7 @@ def unload(subject: Subject) -> CheckOutcome:
         in_fresh_process(_run_and_unload, subject)
     except EndedError as error:
         return warned(str(error))
-    without, after = (_how_it_ends(do, subject) for do in (_end, _run_and_end))
+    without, after = (_describe_end(do, subject) for do in (_end, _run_and_end))
     if after != without == _ENDS_WELL:
         return warned(f"A process that ends normally after a run ends with {after}.")
     return passed("The library was unloaded after a run.")
@@ -272,7 +272,7 @@ def unload(subject: Subject) -> CheckOutcome:
 _ENDS_WELL = "exit code 0"
 
 
-def _how_it_ends(do: Callable[[Subject], None], subject: Subject) -> str:
+def _describe_end(do: Callable[[Subject], None], subject: Subject) -> str:
     try:
         in_fresh_process(do, subject)
     except EndedError as error:

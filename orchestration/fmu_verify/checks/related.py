@@ -55,7 +55,7 @@ def _judge_each(
     description: str,
 ) -> CheckOutcome:
     """Judge related files, each in its turn. Files that are elsewhere, or are not there, are listed."""
-    outcomes = {f"'{f.source}'": _guard(lambda f=f: judge(subject, f)) for f in files}
+    outcomes = {f"'{f.source}'": _judge_safely(lambda f=f: judge(subject, f)) for f in files}
     return combine(outcomes, f"The FMU lists no {description}.")
 
 
@@ -65,7 +65,7 @@ def _require_path(file: RelatedFile) -> Path:
     return file.path
 
 
-def _guard(judge: Callable[[], CheckOutcome]) -> CheckOutcome:
+def _judge_safely(judge: Callable[[], CheckOutcome]) -> CheckOutcome:
     """Return an outcome, also for a file that is invalid, cannot be used here, or ends the process."""
     try:
         return judge()
@@ -100,7 +100,7 @@ def _judge_experiments(subject: Subject, purposes: tuple[str, ...], description:
             continue
         for setup in setups:
             label = f"{setup.label} ({len(outcomes) + 1})" if setup.label in outcomes else setup.label
-            outcome = _guard(lambda setup=setup: _judge_experiment(subject, setup, until))
+            outcome = _judge_safely(lambda setup=setup: _judge_experiment(subject, setup, until))
             if outcome.verdict == Verdict.FAILED and (file := _find_listed_set(subject, setup)) is not None:
                 outcome = _leave_fault_of_set(subject, file, outcome)
             outcomes[label] = outcome
@@ -142,7 +142,7 @@ def _find_listed_set(subject: Subject, setup: ExperimentSetup) -> RelatedFile | 
 
 def _leave_fault_of_set(subject: Subject, file: RelatedFile, outcome: CheckOutcome) -> CheckOutcome:
     """Return the outcome of a failed experiment, which is not judged if its parameter set alone fails."""
-    if (outcome_of_set := _guard(lambda: _judge_parameters(subject, file))).verdict != Verdict.FAILED:
+    if (outcome_of_set := _judge_safely(lambda: _judge_parameters(subject, file))).verdict != Verdict.FAILED:
         return outcome
     message = (
         f"Its parameter set '{file.source}' has a fault (`related.parameters`): {outcome_of_set.sentence}"
@@ -291,7 +291,7 @@ def _judge_state(subject: Subject, file: RelatedFile) -> CheckOutcome:
     if not subject.has_capability("canSerializeFMUstate"):
         return failed("The FMU does not set canSerializeFMUstate, so that no tool can restore it.")
     data = path.read_bytes()
-    first, second = (in_fresh_process(_continue, subject, data) for _ in range(2))
+    first, second = (in_fresh_process(_run_from_state, subject, data) for _ in range(2))
     wrong = ~np.isfinite(first.values).all(axis=0)
     if wrong.any():
         name = first.names[int(np.argmax(wrong))]
@@ -305,7 +305,7 @@ def _judge_state(subject: Subject, file: RelatedFile) -> CheckOutcome:
     return passed(f"Two new instances continued the same from t = {first.times[0]:.9g} s.")
 
 
-def _continue(subject: Subject, data: bytes) -> OutputTrajectory:
+def _run_from_state(subject: Subject, data: bytes) -> OutputTrajectory:
     """Restore a state, and return the outputs from there on, at its time only if that is not known."""
     instance, names = HostedInstance(subject), list_outputs(subject)
     course = make_experiment(subject, 1)

@@ -66,7 +66,7 @@ def address(subject: Subject) -> CheckOutcome:
     """Run a build of the sources with AddressSanitizer through all phases of two instances."""
     run = run_sanitized(subject)
     if not run.has_address:
-        return _missing(run, "AddressSanitizer")
+        return _describe_missing(run, "AddressSanitizer")
     problems = [Breach(fault.sentence, _CLAUSES.get(fault.kind, _OUTSIDE)) for fault in run.memory_faults]
     return _judge(run, problems, "A build of the sources with AddressSanitizer reports nothing.")
 
@@ -81,7 +81,7 @@ def leaks(subject: Subject) -> CheckOutcome:
     """Check which memory nothing points to after the instances were freed."""
     run = run_sanitized(subject)
     if not run.has_address:
-        return _missing(run, "LeakSanitizer")
+        return _describe_missing(run, "LeakSanitizer")
     if run.memory_faults:
         return _ENDED
     if not run.judges_leaks and not run.leaks:
@@ -109,7 +109,7 @@ def undefined(subject: Subject) -> CheckOutcome:
     """Run a build of the sources with UBSan through all phases of two instances."""
     run = run_sanitized(subject)
     if run.missing:
-        return _missing(run, "UndefinedBehaviorSanitizer")
+        return _describe_missing(run, "UndefinedBehaviorSanitizer")
     if run.memory_faults and not run.undefined:
         return _ENDED
     return _judge(run, run.undefined, "A build of the sources with UBSan reports nothing.")
@@ -123,7 +123,7 @@ def _judge(run: SanitizedRun, problems: Sequence[Problem], fine: str) -> CheckOu
     return judge_problems(problems, fine, gaps=run.gaps)
 
 
-def _missing(run: SanitizedRun, sanitizer: str) -> CheckOutcome:
+def _describe_missing(run: SanitizedRun, sanitizer: str) -> CheckOutcome:
     """Return the outcome where there is no build with a sanitizer."""
     reason = run.missing or f"The compiler of this machine has no {sanitizer}."
     return skipped(reason, gaps=(reason,) if run.has_sources else ())

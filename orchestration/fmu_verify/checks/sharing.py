@@ -44,7 +44,7 @@ def shared(subject: Subject) -> CheckOutcome:
     structural = [_record_structural_results] if list_settable(subject, "structuralParameter") else []
     for run in (_record_results, _record_tuned_results, *structural):
         for results in run_where_accepted(partial(run, names=names[:MOST]), subject, changes):
-            wrong = [n for n in plain if n in results and _differs(results[n], plain[n])]
+            wrong = [n for n in plain if n in results and _is_different(results[n], plain[n])]
             if wrong and outcome.verdict == Verdict.PASSED:
                 message = f"{wrong[0]} is another one in an instance beside one with other values."
                 outcome = failed(message, gaps=outcome.gaps)
@@ -107,7 +107,7 @@ def _step_and_read(instance: HostedInstance, names: Sequence[str]) -> Values:
     return read_values(instance, names)
 
 
-def _differs(actual: Any, expected: Any) -> bool:
+def _is_different(actual: Any, expected: Any) -> bool:
     """Return whether results differ by more than rounding."""
     if isinstance(actual, float) and isinstance(expected, float):
         return abs(actual - expected) > _ROUNDING * max(1.0, abs(expected))

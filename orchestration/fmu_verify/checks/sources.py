@@ -87,7 +87,7 @@ def compile_(subject: Subject) -> CheckOutcome:
         needed = {f for k, listed in lists.items() if tuple(listed) == names for f in list_functions(k, 2)}
         if any(Path(name).suffix not in _C for name in names):
             return skipped("Not all of the sources are C.")
-        if not header_folders and _builds_for_sanitizers(subject, kind, needed):
+        if not header_folders and _can_build_for_sanitizers(subject, kind, needed):
             continue
         if (outcome := _describe_compilation(folder, names, seconds, needed=needed)) is not None:
             is_late = outcome.verdict == Verdict.SKIPPED
@@ -120,7 +120,7 @@ def _judge_configurations(subject: Subject) -> CheckOutcome:
         if not sources.is_c:
             return skipped("Not all of the sources are C.")
         needed = list_functions(kind, 3)
-        if _builds_for_sanitizers(subject, kind, needed):
+        if _can_build_for_sanitizers(subject, kind, needed):
             continue
         names = [path.relative_to(folder.resolve()).as_posix() for path in sources.files]
         macros = (*sources.macros, "-DFMI3_OVERRIDE_FUNCTION_PREFIX")
@@ -131,14 +131,14 @@ def _judge_configurations(subject: Subject) -> CheckOutcome:
     return passed(f"The sources for {' and '.join(source_sets)} compile and link.")
 
 
-def _builds_for_sanitizers(subject: Subject, kind: str, needed: Collection[str]) -> bool:
+def _can_build_for_sanitizers(subject: Subject, kind: str, needed: Collection[str]) -> bool:
     """Return whether the build with sanitizers, which takes longer and must be made anyway, has all."""
     if (sources := find_sources(subject, kind)) is None:
         return False
     note(f"a compiler building {', '.join(path.name for path in sources.files)} with sanitizers")
     seconds = _SANITIZERS * _TIME_FACTOR * subject.settings.seconds
     library = build_complete_library(subject, sources, seconds)
-    return library is not None and not _missing_functions(library, needed)
+    return library is not None and not _list_missing_functions(library, needed)
 
 
 def _describe_compilation(
@@ -179,7 +179,7 @@ def _describe_compilation(
             return skipped(message, gaps=(message,))
         except OSError as error:
             return skipped(f"No compiler can be run: {error.strerror}.")
-        missing = _missing_functions(Path(scratch, "library"), needed) if process.returncode == 0 else []
+        missing = _list_missing_functions(Path(scratch, "library"), needed) if process.returncode == 0 else []
     if missing:
         message = f"The sources ({', '.join(names)}) do not define {join_few_names(missing)}."
         return failed(shorten_sentence(message), hint="Implement all functions of the header files of FMI.")
@@ -198,7 +198,7 @@ def _describe_compilation(
     return warned(sentence)  # it may need compiler options that only its documentation lists
 
 
-def _missing_functions(library: Path, needed: Collection[str]) -> list[str]:
+def _list_missing_functions(library: Path, needed: Collection[str]) -> list[str]:
     """Return the functions that a compiled library lacks. Their names may have a prefix."""
     binary = parse_library(library)
     exported = set() if binary is None else list_exports(binary)

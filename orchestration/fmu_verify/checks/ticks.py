@@ -64,8 +64,8 @@ def intervals(subject: Subject) -> CheckOutcome:
     for clock in clocks:
         clause = _CONSTANT if clock.kind == "constant" else _DECLARED
         answers = (
-            ("interval", clock.interval, _query(instance, "fmi3GetIntervalDecimal", clock)),
-            ("shift", clock.shift, _query(instance, "fmi3GetShiftDecimal", clock)),
+            ("interval", clock.interval, _read_interval(instance, "fmi3GetIntervalDecimal", clock)),
+            ("shift", clock.shift, _read_interval(instance, "fmi3GetShiftDecimal", clock)),
         )
         for name, declared, answer in answers:
             answer_count += answer is not None
@@ -80,7 +80,7 @@ def intervals(subject: Subject) -> CheckOutcome:
     )
 
 
-def _query(instance: HostedInstance, function: str, clock: InputClock) -> float | None:
+def _read_interval(instance: HostedInstance, function: str, clock: InputClock) -> float | None:
     """Return what a function says about a Clock, None if the FMU refuses the call."""
     number, reference = (c_double * 1)(), (c_uint * 1)(clock.reference)
     qualifier = ((c_int * 1)(),) if "Interval" in function else ()

@@ -74,11 +74,11 @@ _INVERSE = fmi3("2.4.3", "inverse = true is only allowed if offset = 0.")
 def defined(subject: Subject) -> CheckOutcome:
     """Check that every used unit is defined once, and that a variable with a display unit has a unit."""
     declared = subject.declared
-    problems = [*_repeated(declared), *_undefined(declared)]
+    problems = [*_find_repeated_units(declared), *_find_undefined_units(declared)]
     return judge_problems(problems, f"{len(declared.units)} units are defined.")
 
 
-def _repeated(declared: Declarations) -> Iterator[Problem]:
+def _find_repeated_units(declared: Declarations) -> Iterator[Problem]:
     for name in find_repeated(u.name for u in declared.units):
         yield Breach(f"The unit {name} is defined more than once.", _UNIQUE)
     for unit in declared.units:
@@ -86,7 +86,7 @@ def _repeated(declared: Declarations) -> Iterator[Problem]:
             yield Breach(f"The unit {unit.name} has more than one display unit {name}.", _UNIQUE_DISPLAY)
 
 
-def _undefined(declared: Declarations) -> Iterator[Problem]:
+def _find_undefined_units(declared: Declarations) -> Iterator[Problem]:
     used = [(v.name, v.own_attributes.get("unit")) for v in declared.variables]
     used += [(f"the type {t.name}", t.attributes.get("unit")) for t in declared.types]
     for who, unit in used:

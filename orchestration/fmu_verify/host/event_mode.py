@@ -132,13 +132,13 @@ class HostedEvents:
 
     def start_clocks(self, start: float) -> None:
         """Find the first ticks, and read clocked variables, in initialization mode; `start` is in s."""
-        self._do(self._stepper.start_events, start)
+        self._run_stepper(self._stepper.start_events, start)
         self._keep(self._clocked)
 
     def begin(self) -> None:
         """Handle the events of the initialization, and enter step mode."""
         if self._has_mode:
-            self._do(self._stepper.leave_events)
+            self._run_stepper(self._stepper.leave_events)
         self.is_stepping = True
 
     def step(self, time: float, length: float) -> None:
@@ -151,12 +151,12 @@ class HostedEvents:
         """
         self.steps += 1
         if self._pending and math.isnan(self._tables.memory[END_REQUEST]):
-            self._do(self._stepper.enter_events)
+            self._run_stepper(self._stepper.enter_events)
             self._instance.set_now(self._pending)
             self._passed.update(self._pending)
             self._pending.clear()
-            self._do(self._stepper.leave_events)
-        self._do(self._stepper.step_events, time, length, 0)
+            self._run_stepper(self._stepper.leave_events)
+        self._run_stepper(self._stepper.step_events, time, length, 0)
 
     @property
     def ticks(self) -> dict[str, int]:
@@ -200,7 +200,7 @@ class HostedEvents:
         copies = (dict(v) for v in (state.pending, state.passed, state.clocked, state.values))
         self._pending, self._passed, self._inputs, self._values = copies
 
-    def _do(self, function: Any, *arguments: Any) -> None:
+    def _run_stepper(self, function: Any, *arguments: Any) -> None:
         """Call a function of the stepper, and raise the error for what went wrong."""
         problem = Problem(function(None, self._tables.address, *arguments))
         error, self._error = self._error, None
@@ -221,7 +221,7 @@ class HostedEvents:
             )
         if problem != Problem.NONE:
             call, answer = describe_answer(problem, record, self._tables)
-            message = f"{_c_name(call)} answered {answer}."
+            message = f"{_make_c_name(call)} answered {answer}."
             raise self._instance.violation(message, _CLAUSES.get(problem), problem in _ENDLESS)
 
     def _call(self, name: str, _: Any, *arguments: Any) -> int:
@@ -234,7 +234,7 @@ class HostedEvents:
             with self._instance.calling(
                 f"fmi3DoStep at t = {arguments[0]:.9g} s" if name == DO_STEP else None
             ):
-                getattr(fmu, _c_name(name))(fmu.component, *arguments)
+                getattr(fmu, _make_c_name(name))(fmu.component, *arguments)
             if name == DO_STEP:
                 self._judge_step(*arguments)
             elif name in (SET_CLOCK, GET_CLOCK):
@@ -275,7 +275,7 @@ class HostedEvents:
         self._values.update(zip((v.name for v in variables), self._instance.read(variables), strict=True))
 
 
-def _c_name(call: str) -> str:
+def _make_c_name(call: str) -> str:
     return f"fmi3{call[0].upper()}{call[1:]}"
 
 

@@ -30,7 +30,7 @@ def in_fresh_process(do: Callable[..., Any], *arguments: Any, timeout: float | N
     Raises:
         EndedError: The process ended during the call.
     """
-    with closing(Child(_answer, do, arguments, fork=True)) as child:
+    with closing(Child(_call_and_send, do, arguments, fork=True)) as child:
         try:
             is_done, answer = child.receive(timeout)
         except TimeoutError:
@@ -55,7 +55,7 @@ def is_single_instance(subject: Subject) -> bool:
     return subject.has_capability("canBeInstantiatedOnlyOncePerProcess")
 
 
-def _answer(channel: Channel, do: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+def _call_and_send(channel: Channel, do: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     try:
         answer: Any = (True, do(*arguments))
     except Exception as error:

@@ -122,38 +122,38 @@ def run_alone(
     course = course or make_experiment(subject)
     kind = kind or subject.kinds[0]
     if (trajectory := find_run(subject, course, kind)) is None:
-        trajectory = in_fresh_process(_whole_run, subject, course, kind)
+        trajectory = in_fresh_process(_run_completely, subject, course, kind)
         keep_run(subject, course, kind, trajectory)
     return trajectory
 
 
 def time_of_run(subject: Subject) -> float:
     """Return when `run_alone` of the default experiment ended, in s since 1970."""
-    return _path_of_run(subject, make_experiment(subject), subject.kinds[0]).stat().st_mtime
+    return _find_run_path(subject, make_experiment(subject), subject.kinds[0]).stat().st_mtime
 
 
 def find_run(subject: Subject, course: Experiment, name: str) -> OutputTrajectory | None:
     """Return what `keep_run` kept; None if there is nothing."""
     with suppress(OSError):
-        return pickle.loads(_path_of_run(subject, course, name).read_bytes())
+        return pickle.loads(_find_run_path(subject, course, name).read_bytes())
     return None
 
 
 def keep_run(subject: Subject, course: Experiment, name: str, trajectory: OutputTrajectory) -> None:
     """Keep a run for later checks. The name is the kind if it is one that `run_alone` would do."""
-    path = _path_of_run(subject, course, name)
+    path = _find_run_path(subject, course, name)
     path.parent.mkdir(exist_ok=True)
     part = path.with_suffix(".part")  # a check that is ended meanwhile leaves no half of it
     part.write_bytes(pickle.dumps(trajectory))
     part.replace(path)
 
 
-def _path_of_run(subject: Subject, course: Experiment, name: str) -> Path:
+def _find_run_path(subject: Subject, course: Experiment, name: str) -> Path:
     sum_ = hashlib.sha256(pickle.dumps((name, course)))
     return subject.scratch / "runs" / sum_.hexdigest()
 
 
-def _whole_run(subject: Subject, course: Experiment, kind: str) -> OutputTrajectory:
+def _run_completely(subject: Subject, course: Experiment, kind: str) -> OutputTrajectory:
     return run_instance(HostedInstance(subject, kind=kind), course)
 
 

@@ -25,7 +25,7 @@ def fill_memory() -> Iterator[None]:
     library = load_c_library()
     with contextlib.suppress(AttributeError):  # not all systems have these
         library.malloc.restype = ctypes.c_void_p
-        _blocks(library, _BLOCKS)  # never freed: the process ends soon
+        _allocate_blocks(library, _BLOCKS)  # never freed: the process ends soon
         _leave_behind(library)
         library.mallopt(_M_PERTURB, BYTE ^ 0xFF)  # glibc inverts what it fills with
     yield
@@ -34,13 +34,13 @@ def fill_memory() -> Iterator[None]:
 
 def _leave_behind(library: Any) -> None:
     """Allocate, fill and free blocks of many sizes: the C library reuses small ones unchanged."""
-    blocks = _blocks(library, _OF_EACH_SIZE)
-    _blocks(library, 1)  # never freed, so that no memory goes back to the system
+    blocks = _allocate_blocks(library, _OF_EACH_SIZE)
+    _allocate_blocks(library, 1)  # never freed, so that no memory goes back to the system
     for address, size in blocks:
         ctypes.memset(address, BYTE, size)
         library.free(ctypes.c_void_p(address))
 
 
-def _blocks(library: Any, count: int) -> list[tuple[int, int]]:
+def _allocate_blocks(library: Any, count: int) -> list[tuple[int, int]]:
     """Allocate `count` blocks of each size. Return their addresses and sizes."""
     return [(library.malloc(ctypes.c_size_t(size)), size) for size in _SIZES for _ in range(count)]

@@ -114,18 +114,18 @@ def choose(dependencies: list[Dependency], knowns: list[str]) -> tuple[list[Depe
     """
     if len(dependencies) * len(knowns) <= _MOST_PAIRS:
         return dependencies, knowns
-    knowns = _spread(knowns, max(_FEWEST_KNOWNS, _MOST_PAIRS // len(dependencies)))
+    knowns = _choose_spread(knowns, max(_FEWEST_KNOWNS, _MOST_PAIRS // len(dependencies)))
     if len(dependencies) > (most := _MOST_PAIRS // len(knowns)):
         moved_knowns = set(knowns)
         related = [d for d in dependencies if d.on is not None and not moved_knowns.isdisjoint(d.on)][
             : most // 2
         ]
-        unknowns = {d.unknown for d in (*related, *_spread(dependencies, most - len(related)))}
+        unknowns = {d.unknown for d in (*related, *_choose_spread(dependencies, most - len(related)))}
         dependencies = [d for d in dependencies if d.unknown in unknowns]
     return dependencies, knowns
 
 
-def _spread(items: list[T], most: int) -> list[T]:
+def _choose_spread(items: list[T], most: int) -> list[T]:
     return [items[k] for k in np.unique(np.linspace(0, len(items) - 1, min(most, len(items))).astype(int))]
 
 

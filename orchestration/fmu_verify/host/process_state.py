@@ -79,10 +79,10 @@ def read_settings() -> dict[str, str]:
     with contextlib.suppress(AttributeError):
         library.setlocale.restype = ctypes.c_char_p
         settings["the locale"] = (library.setlocale(locale.LC_ALL, None) or b"").decode(errors="replace")
-    settings.update(_floating_point())
-    settings.update(_environment(library))
-    settings.update(_limits())
-    settings.update(_streams())
+    settings.update(_read_floating_point())
+    settings.update(_read_environment(library))
+    settings.update(_read_limits())
+    settings.update(_read_streams())
     with contextlib.suppress(OSError):
         for line in (_PROC / "status").read_text().splitlines():
             name, _, value = line.partition(":")
@@ -93,7 +93,7 @@ def read_settings() -> dict[str, str]:
     return settings
 
 
-def _environment(library: Any) -> dict[str, str]:
+def _read_environment(library: Any) -> dict[str, str]:
     """Return the environment variables of C, without those of Python's own copy."""
     with contextlib.suppress(ValueError):
         entries = ctypes.POINTER(ctypes.c_char_p).in_dll(library, "environ")
@@ -105,7 +105,7 @@ def _environment(library: Any) -> dict[str, str]:
     return {}
 
 
-def _limits() -> dict[str, str]:
+def _read_limits() -> dict[str, str]:
     """Return timers, the priority, and limits of resources."""
     limits = {}
     with contextlib.suppress(ImportError, OSError, AttributeError):
@@ -120,7 +120,7 @@ def _limits() -> dict[str, str]:
     return limits
 
 
-def _streams() -> dict[str, str]:
+def _read_streams() -> dict[str, str]:
     """Return where the standard streams lead."""
     streams: dict[str, str] = {}
     for number, name in enumerate(("standard input", "standard output", "standard error")):
@@ -131,7 +131,7 @@ def _streams() -> dict[str, str]:
     return streams
 
 
-def _floating_point() -> dict[str, str]:
+def _read_floating_point() -> dict[str, str]:
     """Return rounding, handling of tiny numbers, and exceptions that end the process."""
     for load in (lambda: ctypes.CDLL("libm.so.6"), load_c_library):
         with contextlib.suppress(OSError, AttributeError):

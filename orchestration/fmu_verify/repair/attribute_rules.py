@@ -162,23 +162,23 @@ def _mend_units(root: Any, version: int) -> Iterator[Change]:
         if name in units or (unit := find_unit(name)) is None or unit.exponents is None or unit.multiple_of:
             continue
         units[name] = element = etree.SubElement(_find_units(root), "Unit", name=name)
-        base = etree.SubElement(element, "BaseUnit", _base_attributes(unit))
+        base = etree.SubElement(element, "BaseUnit", _describe_base(unit))
         display_units = {user.get("displayUnit") for user in users if user.get("unit") == name}
         for display in sorted(filter(None, display_units)):
             if (display_unit := find_unit(display)) is not None and display_unit.exponents == unit.exponents:
                 etree.SubElement(
-                    element, "DisplayUnit", name=display, **_display_attributes(unit, display_unit)
+                    element, "DisplayUnit", name=display, **_describe_display(unit, display_unit)
                 )
         yield Change("units.defined", f"Unit '{name}'", "", describe_element(base))
 
 
-def _base_attributes(unit: SiUnit) -> dict[str, str]:
+def _describe_base(unit: SiUnit) -> dict[str, str]:
     powers = {base: str(unit.powers[base]) for base in BASE_UNITS if base in unit.powers}
     offset = 0.0 if unit.is_difference else unit.offset
     return powers | _write_conversion(unit.factor, offset)
 
 
-def _display_attributes(unit: SiUnit, display: SiUnit) -> dict[str, str]:
+def _describe_display(unit: SiUnit, display: SiUnit) -> dict[str, str]:
     """Return factor and offset from a unit to its display unit: display = factor * unit + offset."""
     return _write_conversion(unit.factor / display.factor, (unit.offset - display.offset) / display.factor)
 

@@ -56,16 +56,16 @@ class _Mender:
     def _label(self, name: str) -> str:
         return LISTS_3[name] if self._is_3 else name
 
-    def _index(self, element: Any) -> int:
+    def _find_index(self, element: Any) -> int:
         """Return the position of the variable of an element; 0 for none."""
         return self._index_by_reference.get(int(element.get(self._attribute)), 0)
 
-    def _name(self, element: Any) -> str:
-        return str(self._declared.variable(self._index(element)) or element.get(self._attribute))
+    def _find_name(self, element: Any) -> str:
+        return str(self._declared.variable(self._find_index(element)) or element.get(self._attribute))
 
     def add_missing(self, name: str, required: set[int], check: str) -> Iterator[Change]:
         """Add variables that a list lacks."""
-        for index in sorted(required - {self._index(e) for e in self._list(name)}):
+        for index in sorted(required - {self._find_index(e) for e in self._list(name)}):
             variable = self._declared.variables[index - 1]
             reference = variable.reference if self._is_3 else index
             tag = LISTS_3[name] if self._is_3 else "Unknown"
@@ -81,7 +81,7 @@ class _Mender:
             if parent is None:
                 parent = etree.Element(name)
                 self._structure.insert(self._find_position(_ORDER_2, name), parent)
-            later = (e for e in parent.iterfind("Unknown") if self._index(e) > self._index(element))
+            later = (e for e in parent.iterfind("Unknown") if self._find_index(e) > self._find_index(element))
             after = next(later, None) if name == "InitialUnknowns" else None  # which is in order
             parent.insert(len(parent) if after is None else parent.index(after), element)
             return
@@ -98,23 +98,23 @@ class _Mender:
         check, earlier = "structure.initial_unknowns", set[str]()
         for element in self._list(name):
             text = describe_element(element)
-            if self._index(element) in allowed and text not in earlier:
+            if self._find_index(element) in allowed and text not in earlier:
                 earlier.add(text)
                 continue
             parent = element.getparent()
             parent.remove(element)
             if not self._is_3 and parent.find("Unknown") is None:
                 self._structure.remove(parent)
-            yield Change(check, f"{self._label(name)}, {self._name(element)}", text, "")
+            yield Change(check, f"{self._label(name)}, {self._find_name(element)}", text, "")
 
     def sort_initial_unknowns(self) -> Iterator[Change]:
         """Sort InitialUnknowns of FMI 2.0 by index."""
         elements = self._list("InitialUnknowns")
-        current = [self._index(e) for e in elements]
+        current = [self._find_index(e) for e in elements]
         if current == sorted(current):
             return
         parent = elements[0].getparent()
-        for element in sorted(elements, key=self._index):
+        for element in sorted(elements, key=self._find_index):
             parent.append(element)
         before, after = (" ".join(map(str, indices)) for indices in (current, sorted(current)))
         yield Change("structure.initial_unknowns", "the order of InitialUnknowns", before, after)
@@ -134,17 +134,19 @@ class _Mender:
         valid_pairs = [pair for pair in pairs if int(pair[0]) in self._index_by_reference]
         if not self._is_3:
             valid_pairs = sorted(dict.fromkeys(valid_pairs), key=lambda pair: int(pair[0]))
-        valid_pairs = [(word, self._allowed_kind(element, kind)) for word, kind in valid_pairs]
+        valid_pairs = [(word, self._choose_kind(element, kind)) for word, kind in valid_pairs]
         has_any = bool(valid_pairs) or not pairs
         _set(element, "dependencies", [word for word, _ in valid_pairs] if has_any else None, words)
         has_kinds = kinds is not None and has_any
         _set(element, "dependenciesKind", [kind for _, kind in valid_pairs] if has_kinds else None, kinds)
         if (after := describe_element(element)) != before:
-            yield Change("structure.dependencies", f"dependencies of {self._name(element)}", before, after)
+            yield Change(
+                "structure.dependencies", f"dependencies of {self._find_name(element)}", before, after
+            )
 
-    def _allowed_kind(self, element: Any, kind: str) -> str:
+    def _choose_kind(self, element: Any, kind: str) -> str:
         """Return a kind of dependency, or the most general one if its unknown cannot have it."""
-        variable = self._declared.variable(self._index(element))
+        variable = self._declared.variable(self._find_index(element))
         is_real = variable is None or variable.type in REAL
         is_later = element.tag == "InitialUnknown" and kind != "constant"
         return "dependent" if kind in LINEAR_KINDS and (not is_real or is_later) else kind

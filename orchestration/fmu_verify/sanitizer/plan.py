@@ -32,7 +32,7 @@ def write_plan(subject: Subject, kind: str) -> str:
     start, step, _ = read_span(subject)
     description = subject.description
     model = kind == "ModelExchange"
-    version, clocks = subject.version, [] if model else _periodic_clocks(subject)
+    version, clocks = subject.version, [] if model else _list_periodic_clocks(subject)
     real = "Float64" if version == 3 else "Real"
     continuous = [v for v in list_settable(subject, "input") if kind_of(v) == real and not v.clocks]
     outputs = [v for v in description.modelVariables if v.causality == "output" and kind_of(v) == real]
@@ -45,8 +45,8 @@ def write_plan(subject: Subject, kind: str) -> str:
         "PREFIX": _quote(f"{subject.find_kind_element(kind).modelIdentifier}_"),
         "GUID": _quote(str(description.guid)),
         "RESOURCES": _quote((subject.folder / "resources").as_uri()),
-        "START_TIME": _real(start),
-        "STEP": _real(step * _PART_OF_STEP if model else step),
+        "START_TIME": _write_real(start),
+        "STEP": _write_real(step * _PART_OF_STEP if model else step),
         "STEPS": min(_STEPS, subject.most_steps),
         "INSTANCES": 1 if is_single_instance(subject) else 2,
         "STATES": len(description.derivatives) if model else 0,
@@ -59,15 +59,17 @@ def write_plan(subject: Subject, kind: str) -> str:
     }
     lines = [f'#include "fmi{version}FunctionTypes.h"']
     lines += [f"#define {name} {value}" for name, value in defined.items()]
-    lines += _references(version, "UNKNOWN", outputs)
-    lines += _references(version, "KNOWN", continuous)
+    lines += _write_references(version, "UNKNOWN", outputs)
+    lines += _write_references(version, "KNOWN", continuous)
     lines += [
-        _array(f"fmi{version}ValueReference", "CLOCK", [clock.reference for clock in clocks]),
-        _array("double", "CLOCK_INTERVAL", [_real(clock.interval or 0.0) for clock in clocks]),
-        _array("double", "CLOCK_SHIFT", [_real(clock.shift) for clock in clocks]),
+        _write_array(f"fmi{version}ValueReference", "CLOCK", [clock.reference for clock in clocks]),
+        _write_array("double", "CLOCK_INTERVAL", [_write_real(clock.interval or 0.0) for clock in clocks]),
+        _write_array("double", "CLOCK_SHIFT", [_write_real(clock.shift) for clock in clocks]),
     ]
     variables = description.modelVariables
-    lines += _group(version, "START", [v for v in _with_start(subject) if v.causality != "input"])
+    lines += _group(
+        version, "START", [v for v in _list_settable_variables(subject) if v.causality != "input"]
+    )
     inputs = [v for v in list_settable(subject, "input") if read_start(v) is not None]
     if model:  # the others cannot be set in continuous-time mode
         inputs = [v for v in inputs if v.type == "Real" and v.variability in (None, "continuous")]
@@ -80,16 +82,16 @@ def write_plan(subject: Subject, kind: str) -> str:
 
 def list_still_clocks(subject: Subject, kind: str) -> list[str]:
     """Return the names of the Clocks that do not tick when the host in C runs a kind of the FMU."""
-    moving = [] if kind == "ModelExchange" else _periodic_clocks(subject)
+    moving = [] if kind == "ModelExchange" else _list_periodic_clocks(subject)
     return [clock.name for clock in subject.input_clocks if clock not in moving]
 
 
-def _periodic_clocks(subject: Subject) -> list[InputClock]:
+def _list_periodic_clocks(subject: Subject) -> list[InputClock]:
     """Return the Clocks whose ticks follow from the model description."""
     return [clock for clock in subject.input_clocks if clock.kind in PERIODIC and clock.interval]
 
 
-def _with_start(subject: Subject) -> list[ModelVariable]:
+def _list_settable_variables(subject: Subject) -> list[ModelVariable]:
     """Return the variables that can be set before initialization, without aliases."""
     variables_by_reference: dict[tuple[str, int], ModelVariable] = {}
     for v in subject.description.modelVariables:
@@ -104,20 +106,22 @@ def _group(version: int, name: str, variables: Iterable[ModelVariable], values: 
     lines = []
     for kind in _TYPES[version]:
         members, prefix = [v for v in variables if kind_of(v) == kind], f"{name}_{kind.upper()}"
-        lines += _references(version, prefix, members)
+        lines += _write_references(version, prefix, members)
         if values:
-            literals = [_literal(value) for v in _drop_aliases(members) for value in _starts(v)]
-            lines.append(_array(f"fmi{version}{kind}", f"{prefix}_VALUES", literals))
+            literals = [
+                _write_literal(value) for v in _drop_aliases(members) for value in _list_start_values(v)
+            ]
+            lines.append(_write_array(f"fmi{version}{kind}", f"{prefix}_VALUES", literals))
     return lines
 
 
-def _references(version: int, name: str, variables: Iterable[ModelVariable]) -> list[str]:
+def _write_references(version: int, name: str, variables: Iterable[ModelVariable]) -> list[str]:
     """Return the value references of variables, the number of these, and that of values."""
     unique = _drop_aliases(variables)
     return [
         f"#define {name}_REFERENCES {len(unique)}",
         f"#define {name}_COUNT {sum(getattr(v, 'size', 1) for v in unique)}",
-        _array(f"fmi{version}ValueReference", name, [v.valueReference for v in unique]),
+        _write_array(f"fmi{version}ValueReference", name, [v.valueReference for v in unique]),
     ]
 
 
@@ -129,27 +133,27 @@ def _drop_aliases(variables: Iterable[ModelVariable]) -> list[ModelVariable]:
     return list(by_reference.values())
 
 
-def _starts(variable: ModelVariable) -> Sequence[Any]:
+def _list_start_values(variable: ModelVariable) -> Sequence[Any]:
     """Return the start values of the whole array of an element, or that of a scalar."""
     if isinstance(variable, ElementVariable) and variable.size > 1:
         return variable.array_start
     return [read_start(variable)]
 
 
-def _array(ctype: str, name: str, values: Sequence[Any]) -> str:
+def _write_array(ctype: str, name: str, values: Sequence[Any]) -> str:
     return f"static const {ctype} {name}[] = {{{', '.join(map(str, values)) or '0'}}};"
 
 
-def _literal(value: Any) -> str:
+def _write_literal(value: Any) -> str:
     """Return a value of any type in C."""
     if isinstance(value, bool):
         return str(int(value))
     if isinstance(value, float):
-        return _real(value)
+        return _write_real(value)
     return _quote(value) if isinstance(value, str) else str(value)
 
 
-def _real(value: float) -> str:
+def _write_real(value: float) -> str:
     return value.hex() if math.isfinite(value) else "0.0"
 
 

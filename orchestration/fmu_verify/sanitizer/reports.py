@@ -70,7 +70,7 @@ def read_memory_error(text: str, sources: Path, call: str = "") -> MemoryFault |
     if kind == "attempting":  # "attempting double-free on", "attempting free on address"
         kind = "double-free" if "double-free" in match["rest"] else "bad-free"
     stacks = text[match.end() :].split("\n\n")
-    frames = list(_frames(stacks[0], sources))
+    frames = list(_find_frames(stacks[0], sources))
     meaning = _MEANINGS.get(kind, f"It causes the error {kind} of AddressSanitizer")
     if not meaning.startswith("It "):
         access = _ACCESS.search(stacks[0])
@@ -81,7 +81,7 @@ def read_memory_error(text: str, sources: Path, call: str = "") -> MemoryFault |
             f"It {verb}{size} {'at' if kind == 'SEGV' else 'of' if 'use-after' in kind else ''} {meaning}"
         )
         meaning = " ".join(meaning.split())
-    return MemoryFault(kind, f"{meaning}{_where(frames) or (f' in {call}' if call else '')}.")
+    return MemoryFault(kind, f"{meaning}{_locate(frames) or (f' in {call}' if call else '')}.")
 
 
 def count_bytes(size: int) -> str:
@@ -89,7 +89,7 @@ def count_bytes(size: int) -> str:
     return f"{size} byte" if size == 1 else f"{size} bytes"
 
 
-def _where(frames: Sequence[SourceLine]) -> str:
+def _locate(frames: Sequence[SourceLine]) -> str:
     """Return where an error is: the innermost function, and the FMI function that called it."""
     if not frames:
         return ""
@@ -103,7 +103,7 @@ def read_leaks(text: str, sources: Path) -> list[Leak]:
     bytes_by_line: dict[str, int] = {}
     pieces = _LEAK.split(text)
     for size, stack in zip(pieces[1::2], pieces[2::2], strict=True):
-        frames = list(_frames(stack.split("\n\n")[0], sources))
+        frames = list(_find_frames(stack.split("\n\n")[0], sources))
         if frames:
             bytes_by_line[str(frames[0])] = bytes_by_line.get(str(frames[0]), 0) + int(size)
     return [Leak(size, line) for line, size in bytes_by_line.items()]
@@ -114,7 +114,7 @@ def read_undefined(text: str, sources: Path) -> list[str]:
     messages = dict[str, None]()
     for pattern in (_UNDEFINED, _PANIC):
         for match in pattern.finditer(text):
-            if (line := _relative(match["place"], sources)) is not None:
+            if (line := _shorten_path(match["place"], sources)) is not None:
                 problem = re.sub(
                     r" 0x[0-9a-f]+", "", match["what"]
                 ).strip()  # addresses differ from run to run
@@ -122,14 +122,14 @@ def read_undefined(text: str, sources: Path) -> list[str]:
     return list(messages)
 
 
-def _frames(stack: str, sources: Path) -> Iterator[SourceLine]:
+def _find_frames(stack: str, sources: Path) -> Iterator[SourceLine]:
     """Yield the frames of a stack that are in the sources, innermost first."""
     for frame in _FRAME.finditer(stack):
-        if (line := _relative(frame["place"], sources)) is not None:
+        if (line := _shorten_path(frame["place"], sources)) is not None:
             yield SourceLine(frame["function"] or "", line)
 
 
-def _relative(source_path: str, sources: Path) -> str | None:
+def _shorten_path(source_path: str, sources: Path) -> str | None:
     """Return `file:line` relative to the sources, or None if it is elsewhere."""
     path, _, rest = source_path.partition(":")
     try:

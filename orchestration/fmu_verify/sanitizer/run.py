@@ -135,7 +135,7 @@ def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: P
                 stderr=errors,
                 check=False,
                 timeout=limit,
-                env={**os.environ, **_options(folder, subject.settings.memory)},
+                env={**os.environ, **_make_environment(folder, subject.settings.memory)},
             ).returncode
         except subprocess.TimeoutExpired:
             code, ended = 0, f"It did not end within {limit:g} s."
@@ -144,10 +144,10 @@ def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: P
     calls = trace.read_text(errors="replace").splitlines() if trace.is_file() else []
     # AddressSanitizer writes to files with this name; UBSan writes to standard error
     text = "\n".join(_read(path) for path in [*sorted(folder.glob("report*")), folder / "errors.txt"])
-    memory_fault = read_memory_error(text, sources, _last_call(calls)) if compiler.has_address else None
+    memory_fault = read_memory_error(text, sources, _find_last_call(calls)) if compiler.has_address else None
     undefined = read_undefined(text, sources)
     complete = calls[-1:] == ["end"]
-    gaps = [f"{kind}: {reason}" for reason in _refused(calls)]
+    gaps = [f"{kind}: {reason}" for reason in _list_refused_calls(calls)]
     if not complete and memory_fault is None and (compiler.has_address or not undefined):
         gaps.append(f"{kind}: {ended or _describe_end(calls, code)}")
     if still := list_still_clocks(subject, kind):
@@ -164,7 +164,7 @@ def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: P
     )
 
 
-def _refused(calls: list[str]) -> list[str]:
+def _list_refused_calls(calls: list[str]) -> list[str]:
     """Return the calls that failed, with the message before: `fmi2DoStep answered fmi2Error: ...`."""
     messages, call, reason = [], "", ""
     for line in calls:
@@ -177,14 +177,14 @@ def _refused(calls: list[str]) -> list[str]:
     return messages
 
 
-def _last_call(calls: list[str]) -> str:
+def _find_last_call(calls: list[str]) -> str:
     return next((line for line in reversed(calls) if line.startswith(_PREFIXES)), "")
 
 
 def _describe_end(calls: list[str], code: int) -> str:
     """Return why a run did not come to its end."""
     log_message = next((line.removeprefix("# ") for line in reversed(calls) if line.startswith("#")), "")
-    call = _last_call(calls)
+    call = _find_last_call(calls)
     if calls[-1:] == ["NULL"]:
         reason = (
             f"fmi2Instantiate answered NULL: {log_message}" if call else "it does not export fmi2Instantiate"
@@ -193,7 +193,7 @@ def _describe_end(calls: list[str], code: int) -> str:
     return f"It ended the process in {call or 'its first call'} ({describe_exit(code)})."
 
 
-def _options(folder: Path, memory_limit: int) -> dict[str, str]:
+def _make_environment(folder: Path, memory_limit: int) -> dict[str, str]:
     """Return environment variables for the sanitizers."""
     common = {
         "log_path": str(folder / "report"),
