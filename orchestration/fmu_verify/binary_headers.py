@@ -76,9 +76,8 @@ def parse_platform(folder: str) -> tuple[str, str] | None:
         return _TARGETS_OF_VERSION_2[folder]
     processor, _, system = folder.partition("-")
     processors = {*_ELF.values(), *_PE.values(), *_MACH.values()}
-    return (
-        (system, processor) if system in ("linux", "windows", "darwin") and processor in processors else None
-    )
+    is_standard = system in ("linux", "windows", "darwin") and processor in processors
+    return (system, processor) if is_standard else None
 
 
 def describe_mismatch(path: Path, folder: str) -> str:
@@ -101,10 +100,6 @@ def suggest_platform(folder: str, version: int) -> str:
     if len(words) != 2 or len(systems) != 1 or len(processors) != 1:
         return ""
     target = systems[0], processors[0]
-    names_by_target = (
-        {target_of_name: name for name, target_of_name in _TARGETS_OF_VERSION_2.items()}
-        if version == 2
-        else {}
-    )
-    name = names_by_target.get(target, f"{target[1]}-{target[0]}")
+    names = {pair: name for name, pair in _TARGETS_OF_VERSION_2.items()} if version == 2 else {}
+    name = names.get(target, f"{target[1]}-{target[0]}")
     return "" if name == folder else name

@@ -198,10 +198,8 @@ def judge_maps(subject: Subject) -> Iterator[Problem]:
         members: list[Member] = []
         for member in _list_members(terminal):
             member_kind, variable = member.get("variableKind", ""), variables.get(member.get("variableName"))
-            if member_kind.startswith(STRUCT) and member_kind.removeprefix(_MAP) not in {
-                *_PAIRS,
-                *_PAIRS.values(),
-            }:
+            allowed = {*_PAIRS, *_PAIRS.values()}
+            if member_kind.startswith(STRUCT) and member_kind.removeprefix(_MAP) not in allowed:
                 message = (
                     f"{member.get('variableName')} of the terminal {name} has the variableKind {member_kind}"
                 )

@@ -14,7 +14,7 @@ from ..host.experiment import make_experiment, read_limits, read_span
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import take_in_time, walk
-from ..host.other_values import Values, choose_other_value, list_other_values, list_settable, read_start
+from ..host.other_values import Values, choose_other, list_other_values, list_settable, read_start
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
@@ -88,10 +88,8 @@ def integrate(subject: Subject) -> CheckOutcome:
                 line = f"{line} in {wrong_fraction:.0%} of the steps."
                 messages.setdefault(state.name, line)
     if constant_states:
-        names_of_states = join_few_names(sorted(constant_states))
-        return failed(
-            f"{names_of_states} stays the same in {_STEPS} steps, although its derivative is not 0."
-        )
+        states = join_few_names(sorted(constant_states))
+        return failed(f"{states} stays the same in {_STEPS} steps, although its derivative is not 0.")
     gaps = list_left_out(moved_count, len(inputs), "inputs were moved.")
     if time_stays:
         gaps += (
@@ -143,7 +141,7 @@ def _compute_wrong_fraction(x: Vector, slopes: Vector, points: Vector) -> float:
 )
 def inputs(subject: Subject) -> CheckOutcome:
     """Check that an input changes something, if outputs or derivatives are declared to depend on one."""
-    variables = [v for v in list_settable(subject, "input", most=None) if choose_other_value(v) is not None]
+    variables = [v for v in list_settable(subject, "input", most=None) if choose_other(v) is not None]
     names = _list_results(subject)
     if not variables or not names:
         return skipped("It has no input with another valid value, or nothing that could depend on it.")
@@ -183,7 +181,7 @@ def _find_inputs_without_late_effect(
     """Yield those of these inputs that change nothing in a longer run, either: it may sample them rarely."""
     baseline = in_separate_process(_observe, subject, {}, names, _MORE_STEPS)
     for name in take_in_time(input_names, _TIME_FRACTION * subject.settings.seconds):
-        values = {name: choose_other_value(subject.variables[name])}
+        values = {name: choose_other(subject.variables[name])}
         if not _changes_run(subject, values, names, baseline, _MORE_STEPS):
             yield name
 
@@ -191,11 +189,11 @@ def _find_inputs_without_late_effect(
 def _has_effect(subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]) -> bool | None:
     """Return whether a run changes if inputs are moved, together or alone; None without time for two runs."""
     was_compared, limit = False, _TIME_FRACTION * subject.settings.seconds
-    single_moves = [{v.name: choose_other_value(v)} for v in variables]  # together, they may cancel out
+    single_moves = [{v.name: choose_other(v)} for v in variables]  # together, they may cancel out
     for parameters, moves in take_in_time(_combine_values(subject, variables), limit):
         try:
             baseline = in_separate_process(_observe, subject, parameters, names)
-        except CallError:  # the model does not bear these values together
+        except CallError:  # the model does not accept these values together
             continue
         for values in take_in_time(moves if parameters else [*moves, *single_moves], limit):
             was_compared = True
@@ -214,10 +212,10 @@ def _combine_values(
     """
     far: list[Values] = [{}, {}]
     for variable in variables:
-        ends = _list_far_values(variable) or [choose_other_value(variable)] * 2
+        ends = _list_far_values(variable) or [choose_other(variable)] * 2
         for base, value in zip(far, ends, strict=True):
             base[variable.name] = value
-    moved_values = {v.name: choose_other_value(v) for v in variables}
+    moved_values = {v.name: choose_other(v) for v in variables}
     parameters = list_settable(subject, "parameter")
     choices = list_other_values(v for v in parameters if v.type in ("Boolean", "Enumeration"))
     gains = list_other_values(v for v in parameters if v.type in ("Real", "Integer"))
@@ -234,7 +232,7 @@ def _run_bases(
     for parameters, moves in _combine_values(subject, variables):
         for values in moves if parameters else ({}, *moves):
             base = {**parameters, **values}
-            with suppress(CallError):  # the model does not bear these values together
+            with suppress(CallError):  # the model does not accept these values together
                 yield base, in_separate_process(_observe, subject, base, names)
 
 
@@ -256,13 +254,13 @@ def _list_far_values(variable: ModelVariable) -> list[float]:
     if variable.type != "Real":
         return []
     low, high = read_limits(variable)
-    far = 10.0 * max(abs(choose_other_value(variable)), 1.0)
+    far = 10.0 * max(abs(choose_other(variable)), 1.0)
     return [min(max(v, low), high) for v in (far, -far)]
 
 
 def _list_alternatives(variable: ModelVariable, base: Values) -> list[Any]:
     """Return values to try in place of that of a base: another one, and far ones."""
-    start, other_value = read_start(variable), choose_other_value(variable)
+    start, other_value = read_start(variable), choose_other(variable)
     return [start if base.get(variable.name) == other_value else other_value, *_list_far_values(variable)]
 
 
@@ -271,7 +269,7 @@ def _changes_run(
 ) -> bool:
     try:
         return in_separate_process(_observe, subject, changes, names, steps) != expected
-    except CallError:  # the model does not bear this value, so it counts
+    except CallError:  # the model does not accept this value, so it counts
         return True
 
 
@@ -322,14 +320,12 @@ def interpolation(subject: Subject) -> CheckOutcome:
     """Check that a derivative of the inputs changes a run in which other inputs would change it."""
     if subject.kinds[0] != "CoSimulation" or not subject.has_capability("canInterpolateInputs"):
         return skipped("canInterpolateInputs is not set.")
-    inputs = [
-        v for v in list_settable(subject, "input") if v.type == "Real" and choose_other_value(v) is not None
-    ]
+    inputs = [v for v in list_settable(subject, "input") if v.type == "Real" and choose_other(v) is not None]
     inputs = [v for v in inputs if v.variability in (None, "continuous")]
     names = _list_results(subject)
     if not inputs or not names:
         return skipped("It has no continuous Real input, or nothing that could depend on one.")
-    changes = {v.name: choose_other_value(v) for v in inputs}
+    changes = {v.name: choose_other(v) for v in inputs}
     plain = {v.name: read_start(v) for v in inputs}
     plain_run, run_with_derivatives, moved_run = (
         in_fresh_process(_run_with_input_derivatives, subject, values, slopes, names)

@@ -8,7 +8,7 @@ from ..check import check
 from ..host.experiment import make_experiment
 from ..host.hosted_instance import HostedInstance
 from ..host.instance_runs import list_outputs, step_instance
-from ..host.other_values import are_same, choose_other_value, format_value
+from ..host.other_values import are_same, choose_other, format_value
 from ..messages import judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, own_rule, skipped
@@ -136,7 +136,7 @@ def direct(subject: Subject) -> CheckOutcome:
 def _choose_new_value(subject: Subject, name: str, value: Any) -> Any:
     """Return the start value, another one, whichever is not the present value."""
     variable = subject.variables[name]
-    other_value = choose_other_value(variable)
+    other_value = choose_other(variable)
     return float(str(variable.start)) if are_same(other_value, value) else other_value
 
 
@@ -152,9 +152,6 @@ def _list_pairs(subject: Subject) -> Iterator[tuple[str, list[str]]]:
             reals = [subject.variables.get(v.name) for v in (known, unknown.variable)]
             if known.causality != "input" or any(v is None or v.type != "Real" for v in reals):
                 continue
-            if (
-                kind in ("constant", "fixed")
-                and choose_other_value(subject.variables[known.name]) is not None
-            ):
+            if kind in ("constant", "fixed") and choose_other(subject.variables[known.name]) is not None:
                 outputs_by_input.setdefault(known.name, []).append(unknown.variable.name)
     yield from outputs_by_input.items()

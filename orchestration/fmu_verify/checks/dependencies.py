@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from fmpy.model_description import ModelVariable
@@ -11,7 +12,7 @@ from ..host.arrays import ElementDependency
 from ..host.experiment import read_span
 from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.other_values import are_same, choose_other_value, list_settable, read_start
+from ..host.other_values import are_same, choose_other, list_settable, read_start
 from ..host.points import (
     ALL_TYPES,
     Dependency,
@@ -58,9 +59,8 @@ def observed(subject: Subject) -> CheckOutcome:
     of_all_types = _observe_all_types(subject)  # first: threads of the library end in a fork
     of_co_simulation = _observe_pairs(in_initialization(subject, _POINTS)) if cosimulates else ({}, 0, 0)
     of_model = _observe_model(subject)
-    observed_count, declared_count = (
-        count + model_count for count, model_count in zip(of_co_simulation[1:], of_model[1:], strict=True)
-    )
+    observed_count = of_co_simulation[1] + of_model[1]
+    declared_count = of_co_simulation[2] + of_model[2]
     excluded = {**of_all_types, **of_co_simulation[0], **of_model[0]}
     if excluded:
         lines = tuple(
@@ -173,14 +173,14 @@ def _find_excluded_changes(
     instance: HostedInstance, declared: Sequence[Dependency], knowns: Sequence[ModelVariable], where: str
 ) -> Pairs:
     """Return excluded pairs: another value of the known changes the unknown, and the old one restores it."""
-    by_name = {v.name: v for v in knowns if choose_other_value(v) is not None}
+    by_name = {v.name: v for v in knowns if choose_other(v) is not None}
     declared, names = choose([d for d in declared if d.on is not None], list(by_name))
     knowns = [by_name[name] for name in names]
     excluded = [v for v in knowns if any(d.excludes(v.name) for d in declared)]
     names = [d.unknown for d in declared]
     pairs: Pairs = {}
     start = {v.name: read_start(v) for v in knowns}
-    moved_values = {**start, **{v.name: choose_other_value(v) for v in knowns if v.causality == "input"}}
+    moved_values = {**start, **{v.name: choose_other(v) for v in knowns if v.causality == "input"}}
     with suppress(CallError):  # outside of the values that the FMU accepts
         for base in (start, moved_values) if excluded else ():
             instance.set({name: base[name] for name in base if base[name] != start[name]})
@@ -188,21 +188,20 @@ def _find_excluded_changes(
             for known in excluded:
                 old = base[known.name]
                 instance.set(
-                    {known.name: choose_other_value(known) if old == start[known.name] else start[known.name]}
+                    {known.name: choose_other(known) if old == start[known.name] else start[known.name]}
                 )
                 after = instance.get(names)
                 instance.set({known.name: old})
                 restored = instance.get(names)
-                for d, old_value, new_value, restored_value in zip(
-                    declared, before, after, restored, strict=True
-                ):
-                    if (
-                        d.excludes(known.name)
-                        and are_same(old_value, restored_value)
-                        and not are_same(old_value, new_value)
-                    ):
+                for d, *values in zip(declared, before, after, restored, strict=True):
+                    if d.excludes(known.name) and _follows(*values):
                         pairs.setdefault((d.unknown, known.name), where)
     return pairs
+
+
+def _follows(old: Any, changed: Any, restored: Any) -> bool:
+    """Return whether a value changed with a known and came back with it: time alone may change others."""
+    return are_same(old, restored) and not are_same(old, changed)
 
 
 _ELEMENTS = fmi3("2.2.9", "This function returns the dependency information for a single variable.")
@@ -225,13 +224,10 @@ def elements(subject: Subject) -> CheckOutcome:
         return skipped("providesPerElementDependencies is not set.")
     instance = HostedInstance(subject)
     instance.begin_initialization(read_span(subject)[0])
-    output_names = [d.unknown for d in at_initialization(subject)]
-    output_names = list({subject.variables[n].valueReference: n for n in reversed(output_names)}.values())[
-        ::-1
-    ]
+    names = [d.unknown for d in at_initialization(subject)]
+    names = list({subject.variables[n].valueReference: n for n in reversed(names)}.values())[::-1]
     entries_by_output = {
-        instance.reference(n): instance.dependencies(instance.reference(n))
-        for n in output_names[:_MOST_UNKNOWNS]
+        instance.reference(n): instance.dependencies(instance.reference(n)) for n in names[:_MOST_UNKNOWNS]
     }
     problems = [
         p
@@ -245,7 +241,7 @@ def elements(subject: Subject) -> CheckOutcome:
     return judge_problems(
         problems,
         fine,
-        gaps=list_left_out(len(entries_by_output), len(output_names), "outputs were examined."),
+        gaps=list_left_out(len(entries_by_output), len(names), "outputs were examined."),
     )
 
 
@@ -276,23 +272,15 @@ def _find_unlisted(
         for v in subject.description.modelVariables
         if int(v.valueReference) in entries_by_output and v.type == "Real"
     ]
-    knowns = [
-        v for v in list_settable(subject, "input") if v.type == "Real" and choose_other_value(v) is not None
-    ]
+    knowns = [v for v in list_settable(subject, "input") if v.type == "Real" and choose_other(v) is not None]
     names = [v.name for v in unknowns]
     for known in knowns[:_MOST_KNOWNS]:
         before = instance.get(names)
         with suppress(CallError):  # outside of the values that the FMU accepts
-            instance.set({known.name: choose_other_value(known)})
+            instance.set({known.name: choose_other(known)})
             after = instance.get(names)
             instance.set({known.name: read_start(known)})
-            for unknown, old_value, new_value, restored_value in zip(
-                unknowns, before, after, instance.get(names), strict=True
-            ):
+            for unknown, *values in zip(unknowns, before, after, instance.get(names), strict=True):
                 entries = entries_by_output[int(unknown.valueReference)]
-                if (
-                    are_same(old_value, restored_value)
-                    and not are_same(old_value, new_value)
-                    and not any(e.has(unknown, known) for e in entries)
-                ):
+                if _follows(*values) and not any(e.has(unknown, known) for e in entries):
                     yield f"{unknown.name} changes with {known.name}, which is not a dependency of it."

@@ -95,9 +95,8 @@ def directional(subject: Subject) -> CheckOutcome:
             slopes_by_mode.append(_compare_in_fresh_process(subject, in_initialization_with_states, gaps))
         if not subject.has_clocks:
             slopes = _compare_in_fresh_process(subject, in_step_mode, gaps)
-            slopes_by_mode.append(
-                [s for s in slopes if s.difference]
-            )  # an FMU may hold outputs until the next step
+            # an FMU may hold outputs until the next step
+            slopes_by_mode.append([s for s in slopes if s.difference])
     if "ModelExchange" in claimed and "ModelExchange" in subject.run_kinds:
         slopes_by_mode.append(_compare_in_fresh_process(subject, in_event_mode))
         if list_states(subject):

@@ -13,7 +13,7 @@ from ..host.experiment import read_span
 from ..host.fresh_process import in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import take_in_time, walk
-from ..host.other_values import are_same, choose_other_value, format_value, list_settable
+from ..host.other_values import are_same, choose_other, format_value, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, skipped
@@ -61,7 +61,7 @@ def late(subject: Subject) -> CheckOutcome:
     variables = [
         v
         for v in list_settable(subject, "input", "parameter", tunable=True, most=None)
-        if choose_other_value(v) is not None and not v.clocks
+        if choose_other(v) is not None and not v.clocks
     ]
     all_results = _list_results(subject)
     results = all_results[:_MOST_RESULTS]
@@ -70,7 +70,7 @@ def late(subject: Subject) -> CheckOutcome:
     judged_count, late_effects, not_kept = 0, list[_LateEffect](), list[str]()
     plain = in_separate_process(_run, subject, results, None, 0, _STEPS)[0]
     for variable in take_in_time(variables[:_MOST], subject.settings.seconds):
-        with suppress(CallError):  # the model does not bear this value
+        with suppress(CallError):  # the model does not accept this value
             late_effects += _examine_variable(subject, variable, results, plain, not_kept)
             judged_count += 1
     gaps = list_left_out(
@@ -118,8 +118,8 @@ def _examine_variable(
     delays = list[int | None]()
     for change_step in _STEPS_OF_CHANGE:
         rows, value = in_separate_process(_run, subject, results, variable, change_step, _STEPS)
-        if change_step == _STEPS_OF_CHANGE[0] and not are_same(value, choose_other_value(variable)):
-            new = format_value(choose_other_value(variable))
+        if change_step == _STEPS_OF_CHANGE[0] and not are_same(value, choose_other(variable)):
+            new = format_value(choose_other(variable))
             not_kept.append(f"{variable.name} is {format_value(value)} after it was set to {new} later.")
             return
         delays.append(_find_effect(rows, plain, change_step))
@@ -151,7 +151,7 @@ def _run(
     It is set before the step `change_step`, counted from 0; before initialization for 0.
     """
     start, step, count = read_span(subject)
-    changes = {} if variable is None else {variable.name: choose_other_value(variable)}
+    changes = {} if variable is None else {variable.name: choose_other(variable)}
     instance = HostedInstance(subject)
     instance.initialize(changes if change_step == 0 else None, start)
     rows, values = [[str(v) for v in instance.get(results)]], [None]

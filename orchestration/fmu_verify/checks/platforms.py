@@ -80,9 +80,9 @@ def platform(subject: Subject) -> CheckOutcome:
 )
 def version(subject: Subject) -> CheckOutcome:
     """Check what fmi2GetVersion and fmi2GetTypesPlatform return, before any other call."""
-    for library in (
-        candidate for candidate in list_libraries(subject) if candidate.platform in _THIS_PLATFORM
-    ):
+    for library in list_libraries(subject):
+        if library.platform not in _THIS_PLATFORM:
+            continue
         handle = ctypes.CDLL(str(library.path))
         if subject.version == 3:
             if not _VERSION_3.fullmatch(version_text := _call_text_function(handle, "fmi3GetVersion") or b""):

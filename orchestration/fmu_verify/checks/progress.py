@@ -55,9 +55,7 @@ def time(subject: Subject) -> CheckOutcome:
         try:
             times = in_separate_process(_measure_times, subject, start_time, independent)
             if subject.version == 2 and subject.kinds[0] == "CoSimulation":
-                times.deviations[_SUCCESSFUL] = in_separate_process(
-                    _measure_successful_times, subject, start_time
-                )
+                times.deviations[_SUCCESSFUL] = in_separate_process(_measure_reached, subject, start_time)
         except CallError as error:
             if start_time == start:
                 raise
@@ -122,7 +120,7 @@ def _read(instance: HostedInstance, names: Sequence[str]) -> Iterator[tuple[str,
     yield from zip(names, instance.get(names) if names else (), strict=True)
 
 
-def _measure_successful_times(subject: Subject, start_time: float) -> Vector:
+def _measure_reached(subject: Subject, start_time: float) -> Vector:
     """Return distances of the time that steps reached; nothing if the FMU does not say it."""
     instance, value, distances = HostedInstance(subject), c_double(), list[float]()
     course = make_experiment(subject, _STEPS)
@@ -178,7 +176,7 @@ def frozen(subject: Subject) -> CheckOutcome:
         message = f"Runs have {len(course.times) - 1} steps: too few to see whether something stops."
         return skipped(message, gaps=(message,))
     run = _RunSeries(subject, course)
-    problems, gaps = [*_find_stopped(run)], list(run.gaps_of_outputs)
+    problems, gaps = [*_find_stopped(run)], list(run.left_out)
     if not problems:
         problems = [*_find_inputs_without_late_effect(run, gaps)]
     fine = f"{len(run.names)} outputs and states and the effects of inputs go on."
@@ -198,9 +196,7 @@ class _RunSeries:
             [*list_outputs(subject), *self.derivative_of_state, *self.derivative_of_state.values()]
         )
         self.names = list(all_names)[:_MOST_OUTPUTS]
-        self.gaps_of_outputs = list_left_out(
-            len(self.names), len(all_names), "outputs and states were watched."
-        )
+        self.left_out = list_left_out(len(self.names), len(all_names), "outputs and states were watched.")
         inputs = course.inputs
         self._courses = {
             "plain": course,
@@ -312,7 +308,7 @@ def _run_with_other_values(run: _RunSeries) -> OutputTrajectory | None:
     for values in (parameters, *({name: value} for name, value in list(parameters.items())[:_MOST_INPUTS])):
         try:
             trajectory = in_fresh_process(_record_run, subject, run.course, values, run.names)
-        except CallError:  # the model does not bear these values
+        except CallError:  # the model does not accept these values
             continue
         if len(trajectory.times) == len(run.plain.times) and not trajectory.same(run.plain):
             return trajectory
@@ -342,10 +338,9 @@ def _has_effect(run: _RunSeries, kind: str, name: str, is_early: bool) -> bool |
     values, usual_values = run.inputs_of(kind, name).copy(), run.course.inputs[name]
     part = slice(0, len(values) - late_row) if is_early else slice(late_row, None)
     high = float(usual_values.max())
-    moved_values = values[part] + 0.5 * (high - float(usual_values.min()) or 1.0)
-    values[part] = np.where(
-        moved_values > high, 2.0 * high - moved_values, moved_values
-    )  # in the range that is known to work
+    shifted = values[part] + 0.5 * (high - float(usual_values.min()) or 1.0)
+    # in the range that is known to work
+    values[part] = np.where(shifted > high, 2.0 * high - shifted, shifted)
     expected = run.baseline(kind)
     try:
         actual = run.run_with(kind, name, values)

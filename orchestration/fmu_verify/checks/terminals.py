@@ -81,17 +81,15 @@ def terminals(subject: Subject) -> CheckOutcome:
         return skipped(f"{TERMINALS} is for FMI {root.get('fmiVersion')}, not 3.0.")
     if problems := find_schema_problems(root, "fmi3TerminalsAndIcons.xsd"):
         return judge_problems(problems, "")
-    problems_of_terminals: list[Problem] = []
+    violations: list[Problem] = []
     version, expected = root.get("fmiVersion"), subject.tree.get("fmiVersion")
     if version != expected and subject.version == 3:
-        problems_of_terminals.append(
-            Breach(f"The terminals have the fmiVersion {version}, not {expected}.", _VERSION)
-        )
+        violations.append(Breach(f"The terminals have the fmiVersion {version}, not {expected}.", _VERSION))
     names = {name for v in subject.declared.variables for name in (v.name, *v.aliases)}
     top = root.find("Terminals")
-    problems_of_terminals += _judge_level([] if top is None else top.findall("Terminal"), names)
-    problems_of_terminals += _judge_images(root, path.parent)
-    return judge_problems(problems_of_terminals, f"{len(root.findall('.//Terminal'))} terminals are valid.")
+    violations += _judge_level([] if top is None else top.findall("Terminal"), names)
+    violations += _judge_images(root, path.parent)
+    return judge_problems(violations, f"{len(root.findall('.//Terminal'))} terminals are valid.")
 
 
 def _judge_level(level: list[Any], names: set[str]) -> Iterator[Problem]:

@@ -95,7 +95,7 @@ def _collect_values(
     gaps = []
     for parameters in _yield_parameters(subject):
         run = _VaryingRun(subject, parameters)
-        with suppress(*([CallError] if parameters else [])):  # valid values, which the model need not bear
+        with suppress(*([CallError] if parameters else [])):  # valid values, which the model need not accept
             for time, instance in run:
                 for name, value in zip(names, instance.get(names), strict=True):
                     times_by_value[name].setdefault(int(value), time)
@@ -146,7 +146,7 @@ class _VaryingRun:
             except CallError:
                 if not changed:
                     raise
-                # valid values, which the model need not bear
+                # valid values, which the model need not accept
                 self.gaps = (
                     f"Values were read for {k} of {steps} steps: it refuses other values of inputs.",
                 )

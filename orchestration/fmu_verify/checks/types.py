@@ -44,12 +44,12 @@ def types(subject: Subject) -> CheckOutcome:
     problems = [*_judge_names(declared), *_judge_uses(declared)]
     problems += [
         Breach(
-            f"More than one item of the enumeration {declared_type.name} has the {attribute} {repeated}.",
+            f"More than one item of the enumeration {type_.name} has the {attribute} {repeated}.",
             _ITEMS,
         )
-        for declared_type in declared.types
+        for type_ in declared.types
         for attribute in ("name", "value")
-        for repeated in find_repeated(item[attribute] for item in declared_type.items)
+        for repeated in find_repeated(item[attribute] for item in type_.items)
     ]
     return judge_problems(problems, f"{len(declared.types)} types are defined and used correctly.")
 
@@ -57,16 +57,16 @@ def types(subject: Subject) -> CheckOutcome:
 def _judge_names(declared: Declarations) -> Iterator[Problem]:
     variables = {v.name for v in declared.variables}
     for name in find_repeated(t.name for t in declared.types):
-        yield Breach(f"More than one {_describe_kind(declared)} has the name {name}.", _UNIQUE)
-    for declared_type in declared.types:
-        if declared_type.name in variables:
+        yield Breach(f"More than one {_name_kind(declared)} has the name {name}.", _UNIQUE)
+    for type_ in declared.types:
+        if type_.name in variables:
             yield Breach(
-                f"The {_describe_kind(declared)} {declared_type.name} has the name of a variable.",
+                f"The {_name_kind(declared)} {type_.name} has the name of a variable.",
                 _NO_VARIABLE,
             )
 
 
-def _describe_kind(declared: Declarations) -> str:
+def _name_kind(declared: Declarations) -> str:
     return "type definition" if declared.version == 3 else "SimpleType"
 
 
@@ -78,7 +78,7 @@ def _judge_uses(declared: Declarations) -> Iterator[Problem]:
             continue
         if name not in by_name:
             yield Breach(
-                f"{variable} is declared as {name}, which is not a {_describe_kind(declared)}.", _DEFINED
+                f"{variable} is declared as {name}, which is not a {_name_kind(declared)}.", _DEFINED
             )
         elif by_name[name].type != variable.type:
             expected = by_name[name].type

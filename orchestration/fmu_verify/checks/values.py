@@ -53,11 +53,9 @@ def starts(subject: Subject) -> CheckOutcome:
     """Compare values after an initialization in which nothing is set with modelDescription.xml."""
     settable_variables = list_settable(subject, "parameter", "input", most=None)
     names = {v.name for v in settable_variables}
-    further_variables = [
-        v for v in subject.description.modelVariables if v.name not in names and v.start is not None
-    ]
-    further_variables = [v for v in further_variables if v.initial == "exact" or v.variability == "constant"]
-    all_variables = [*settable_variables, *further_variables]
+    further = [v for v in subject.description.modelVariables if v.name not in names and v.start is not None]
+    further = [v for v in further if v.initial == "exact" or v.variability == "constant"]
+    all_variables = [*settable_variables, *further]
     variables = all_variables[:MOST]
     values = in_fresh_process(_read_after_start, subject, [v.name for v in variables])
     messages = {
@@ -66,7 +64,7 @@ def starts(subject: Subject) -> CheckOutcome:
         for v in variables
         if (start := read_start(v)) is not None and not are_same(values[v.name], start)
     }
-    certain = names | {v.name for v in further_variables if v.variability == "constant"}
+    certain = names | {v.name for v in further if v.variability == "constant"}
     certain -= {name for name in values if _is_bound(read_start(subject.variables[name]), values[name])}
     # events of the initialization may change the others
     return judge_problems(

@@ -248,7 +248,7 @@ def _find_lower_variability(alias_set: Sequence[DeclaredVariable]) -> Iterator[P
 
 
 def _judge_aliases(alias_set: Sequence[DeclaredVariable]) -> Iterator[Problem]:
-    subject_of_message = (
+    label = (
         f"{alias_set[0]} and {alias_set[1]}"
         if len(alias_set) == 2
         else f"{alias_set[0]} and its {len(alias_set) - 1} aliases"
@@ -260,15 +260,15 @@ def _judge_aliases(alias_set: Sequence[DeclaredVariable]) -> Iterator[Problem]:
         yield Breach(f"{names} have the same value reference, but both have a start value.", _ONE_START)
     if constant and len(constant) < len(alias_set):
         yield Breach(
-            f"{subject_of_message} have the same value reference, but only some of them are constant.",
+            f"{label} have the same value reference, but only some of them are constant.",
             _CONSTANT,
         )
     elif len({v.start for v in constant}) > 1:
         yield Breach(
-            f"{subject_of_message} have the same value reference, but different constant values.",
+            f"{label} have the same value reference, but different constant values.",
             _SAME_CONSTANT,
         )
     if started and any(v.causality == "independent" for v in alias_set):
         yield Breach(f"{started[0]} has the value reference of the independent variable.", _SETTABLE)
     if len({v.unit for v in alias_set}) > 1:
-        yield Breach(f"{subject_of_message} have the same value reference, but different units.", _SAME_UNIT)
+        yield Breach(f"{label} have the same value reference, but different units.", _SAME_UNIT)

@@ -41,7 +41,7 @@ def read_start(variable: ModelVariable) -> Any:
     return str(text).strip().lower() in ("true", "1") if variable.type == "Boolean" else str(text)
 
 
-def choose_other_value(variable: ModelVariable) -> Any:
+def choose_other(variable: ModelVariable) -> Any:
     """Return a valid value that is not the start value; None if there is none."""
     start = read_start(variable)
     if start is None:
@@ -89,7 +89,7 @@ def list_settable(
 
 def list_other_values(variables: Iterable[ModelVariable]) -> Values:
     """Return another valid value for each variable that has one, by name."""
-    return {v.name: value for v in variables if (value := choose_other_value(v)) is not None}
+    return {v.name: value for v in variables if (value := choose_other(v)) is not None}
 
 
 def are_same(actual: Any, expected: Any) -> bool:

@@ -215,9 +215,8 @@ def find_libraries(names: list[str]) -> list[str]:
 def mend_identifier(root: Any, names: list[str]) -> Iterator[Change]:
     """Mend a modelIdentifier that differs from the names of all libraries in case only."""
     stems = {PurePosixPath(name).stem for name in find_libraries(names)}
-    for kind in (
-        root.xpath(_KIND_ELEMENTS) if BUILD_DESCRIPTION not in names else ()
-    ):  # it has the identifier, too
+    kinds = root.xpath(_KIND_ELEMENTS) if BUILD_DESCRIPTION not in names else ()  # which has it, too
+    for kind in kinds:
         identifier = kind.get("modelIdentifier", "")
         near = [stem for stem in stems if stem.casefold() == identifier.casefold()]
         if identifier not in stems and len(near) == 1:

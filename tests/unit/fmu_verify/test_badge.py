@@ -17,7 +17,7 @@ GOOD = examined(
 
 
 @pytest.mark.parametrize(
-    ("given", "text"),
+    ("report_", "text"),
     [
         (report(GOOD), "FMU: 2 checks passed"),
         (report(examined("x.fmu", [finding("a.b", passed("p"))])), "FMU: 1 check passed"),

@@ -24,7 +24,7 @@ from fmu_verify.host.fresh_process import EndedError, in_fresh_process
 from fmu_verify.host.hosted_instance import CallError, HostedInstance
 from fmu_verify.host.instance_runs import OutputTrajectory, run_alone, step_instance
 from fmu_verify.host.junk import BYTE, fill_memory
-from fmu_verify.host.other_values import choose_other_value
+from fmu_verify.host.other_values import choose_other
 from fmu_verify.settings import Settings
 from fmu_verify.subject import Subject
 from fmu_verify.verdict import Verdict
@@ -43,7 +43,7 @@ def _integer(data_type: str, start: int) -> ElementVariable:
 
 
 @pytest.mark.parametrize(
-    ("variable", "other"),
+    ("variable", "expected"),
     [
         (_integer("UInt8", 255), 254),
         (_integer("UInt64", 2**64 - 1), 2**64 - 2),
@@ -53,7 +53,7 @@ def _integer(data_type: str, start: int) -> ElementVariable:
     ],
 )
 def test_other_values_fit_into_the_type(variable: ModelVariable, expected: object) -> None:
-    assert choose_other_value(variable) == expected
+    assert choose_other(variable) == expected
 
 
 def test_inputs_vary_within_the_limits_of_their_declared_type() -> None:
@@ -108,7 +108,7 @@ def _run_with_fault(
 
 
 @pytest.mark.parametrize(
-    ("fault", "early", "words", "section", "call"),
+    ("fault", "allows_early_return", "words", "section", "call"),
     [
         (1, True, "fmi3UpdateDiscreteStates at t = 0 s answered a request for more", "", "fmi3Update"),
         (2, True, "fmi3DoStep at t = 0 s answered a request for more, 1001 times", "", "fmi3DoStep"),

@@ -118,7 +118,7 @@ def test_names_that_differ_in_case_get_a_warning(tmp_path: Path) -> None:
     assert "documentation/index.html and Documentation/Index.html" in finding.sentence
 
 
-@pytest.mark.parametrize("place", ["binaries", "sources", "documentation", f"{LIBRARY}/inside"])
+@pytest.mark.parametrize("folder_name", ["binaries", "sources", "documentation", f"{LIBRARY}/inside"])
 def test_files_in_place_of_folders(folder_name: str, tmp_path: Path) -> None:
     def edit(files: Files) -> None:
         for name in [n for n in files if n.startswith(folder_name.removesuffix("/inside"))]:
@@ -139,7 +139,7 @@ def test_sources_only(tmp_path: Path) -> None:
     assert report.passed
 
 
-@pytest.mark.parametrize("other", ["ModelExchange", "CoSimulation"])
+@pytest.mark.parametrize("other_kind", ["ModelExchange", "CoSimulation"])
 def test_fmu_of_one_kind_passes(other_kind: str, tmp_path: Path) -> None:
     report = examine(without(f"//{other_kind}")(tmp_path), *NAMES)
     checks = {f.check for f in report.findings if f.verdict != Verdict.PASSED}
