@@ -233,7 +233,7 @@ _STANDARDS = {
             document="FMI-LS-BUS 1.3.0-beta.1",
         ),
         (3,),
-        lambda manifest, subject, found: found.problems.extend(judge_buses(subject)),
+        lambda manifest, subject, findings: findings.problems.extend(judge_buses(subject)),
     ),
     XCP: _Standard(
         Clause(
@@ -243,7 +243,7 @@ _STANDARDS = {
             document="FMI-LS-XCP 1.0.0",
         ),
         (2, 3),
-        lambda manifest, subject, found: found.problems.extend(judge_xcp(manifest, subject)),
+        lambda manifest, subject, findings: findings.problems.extend(judge_xcp(manifest, subject)),
     ),
     STRUCT: _Standard(
         Clause(
