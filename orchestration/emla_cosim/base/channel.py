@@ -65,9 +65,9 @@ class Channel:
 
     def send_bytes(self, content: bytes) -> None:
         """Send bytes; see `send`."""
-        left = memoryview(_HEAD.pack(_MARK, len(content)) + content)
-        while left:
-            left = left[os.write(self._outgoing, left) :]
+        remaining = memoryview(_HEAD.pack(_MARK, len(content)) + content)
+        while remaining:
+            remaining = remaining[os.write(self._outgoing, remaining) :]
 
     def receive(self, timeout: float | None = None) -> Any:
         """Wait for an object.
@@ -107,11 +107,11 @@ class Channel:
             os.close(self._incoming)
             os.close(self._outgoing)
 
-    def _receive(self, timeout: float | None, most: int = sys.maxsize) -> bytes:
+    def _receive(self, timeout: float | None, longest: int = sys.maxsize) -> bytes:
         until = None if timeout is None else time.monotonic() + timeout
         self._fill(_HEAD.size, until)
         mark, length = _HEAD.unpack_from(self._received)
-        if mark != _MARK or length > most:
+        if mark != _MARK or length > longest:
             raise GarbledError(_GARBLED)
         end = _HEAD.size + length
         self._fill(end, until)

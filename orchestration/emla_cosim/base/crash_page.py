@@ -64,9 +64,9 @@ SIZE = _ACTIVITIES + LONGEST_NOTE
 """Bytes of memory."""
 
 
-def _map_activities(memory: Any) -> list[Activity]:
+def _map_activities(page: Any) -> list[Activity]:
     """Return the activities of all threads, at the beginning of a memory of zeros."""
-    activities = [Activity.from_buffer(memory, _DISTANCE * thread) for thread in range(THREADS)]
+    activities = [Activity.from_buffer(page, _DISTANCE * thread) for thread in range(THREADS)]
     for activity in activities:
         activity.time = math.nan
     return activities
@@ -116,10 +116,10 @@ def read_note() -> str:
     return _decode_note(_Page.memory, current_activity())
 
 
-def _decode_note(memory: Any, activity: Activity) -> str:
+def _decode_note(page: Any, activity: Activity) -> str:
     if not 0 <= activity.noted <= LONGEST_NOTE:  # an FMU wrote to the page
         return ""
-    return bytes(memory[_ACTIVITIES:][: activity.noted]).decode("utf-8", "replace")
+    return bytes(page[_ACTIVITIES:][: activity.noted]).decode("utf-8", "replace")
 
 
 class CrashPageFile:

@@ -50,7 +50,7 @@ def _rebuild_error(
     return error
 
 
-_MACHINE = {
+_MACHINE_ERRORS = {
     number
     for name in ("ENOSPC", "EDQUOT", "EIO", "EMFILE", "ENFILE", "ENOMEM", "EAGAIN")
     if (number := getattr(errno, name, None)) is not None
@@ -67,25 +67,25 @@ def find_machine_fault(error: BaseException) -> OSError | None:
     """Return the error of the system that caused this error, if another machine would not have it."""
     cause: BaseException | None = error
     while cause is not None:
-        if isinstance(cause, OSError) and cause.errno in _MACHINE:
+        if isinstance(cause, OSError) and cause.errno in _MACHINE_ERRORS:
             return cause
-        for number in _MACHINE if not isinstance(cause, CosimError) else ():  # libxml2 gives no number
+        for number in _MACHINE_ERRORS if not isinstance(cause, CosimError) else ():  # libxml2 gives no number
             if str(cause).rstrip(".\n").endswith(os.strerror(number)):
                 return OSError(number, os.strerror(number))
         cause = cause.__cause__
     return None
 
 
-def raise_machine_fault(error: BaseException, what: str) -> None:
+def raise_machine_fault(error: BaseException, subject: str) -> None:
     """Raise RunError if the system caused an error, so that a message does not blame a file.
 
     Args:
         error: The error.
-        what: What cannot be read or written, such as `'lift.fmu'`.
+        subject: What cannot be read or written, such as `'lift.fmu'`.
     """
     if (fault := find_machine_fault(error)) is not None:
         raise RunError(
-            f"{what} cannot be read on this machine: {fault.strerror}. See `ulimit -a` and the free space."
+            f"{subject} cannot be read on this machine: {fault.strerror}. See `ulimit -a` and the free space."
         ) from error
 
 
@@ -126,7 +126,7 @@ def join_names(names: Iterable[str]) -> str:
     return f"{', '.join(front)} and {last}" if front else last
 
 
-_SEARCHED = 20_000
+_MOST_SEARCHED = 20_000
 """The largest number of names in which to search for similar ones, which is slow."""
 
 
@@ -139,7 +139,7 @@ def suggest_names(name: str, names: Collection[str], hint: str = "", most: int =
         hint: What to say instead of the list if no name is similar.
         most: How many names to list; the message counts the others.
     """
-    searched = names if len(names) <= _SEARCHED else ()
+    searched = names if len(names) <= _MOST_SEARCHED else ()
     near = [n for n in difflib.get_close_matches(name, searched, n=4, cutoff=0.5) if n != name][:3]
     if near:
         return f"did you mean {' or '.join(near)}?"

@@ -31,43 +31,43 @@ class MissingExtraError(CommandError, ImportError):
 
 def has_extra(extra: str) -> bool:
     """Return whether all packages of an extra are installed."""
-    return not _missing(extra)
+    return not _list_missing(extra)
 
 
-def require_extras(extras: Sequence[str], what: str) -> None:
+def require_extras(extras: Sequence[str], subject: str) -> None:
     """Check that all packages of extras are installed.
 
     Args:
         extras: Names of extras.
-        what: Subject of the error message, such as "a picture".
+        subject: Subject of the error message, such as "a picture".
 
     Raises:
         MissingExtraError: If one is not.
     """
-    lacking = {extra: missing for extra in extras if (missing := _missing(extra))}
+    lacking = {extra: missing for extra in extras if (missing := _list_missing(extra))}
     if lacking:
         packages = list(dict.fromkeys(package for missing in lacking.values() for package in missing))
-        raise _missing_error(list(lacking), what, packages)
+        raise _make_missing_error(list(lacking), subject, packages)
 
 
-def require_extra(extra: str, what: str) -> None:
+def require_extra(extra: str, subject: str) -> None:
     """Check that all packages of an extra are installed; see `require_extras`."""
-    require_extras([extra], what)
+    require_extras([extra], subject)
 
 
-def explain_missing(error: ImportError, what: str) -> CommandError | None:
+def explain_missing(error: ImportError, subject: str) -> CommandError | None:
     """Return the error message on a module that cannot be imported; None if it is of no extra."""
     if isinstance(error, MissingExtraError):
         return error
     module = (error.name or "").partition(".")[0]
     for extra in EXTRAS:
-        for package in _missing(extra):  # not those that are installed, but broken
+        for package in _list_missing(extra):  # not those that are installed, but broken
             if module == _MODULES.get(package, package):
-                return _missing_error([extra], what, [package])
+                return _make_missing_error([extra], subject, [package])
     return None
 
 
-def _missing(extra: str) -> list[str]:
+def _list_missing(extra: str) -> list[str]:
     return [package for package in EXTRAS[extra] if not _is_installed(_MODULES.get(package) or package)]
 
 
@@ -76,12 +76,12 @@ def _is_installed(module: str) -> bool:
     return spec is not None and spec.origin is not None  # not a folder of users that has the name
 
 
-def _missing_error(extras: Sequence[str], what: str, packages: Sequence[str]) -> MissingExtraError:
+def _make_missing_error(extras: Sequence[str], subject: str, packages: Sequence[str]) -> MissingExtraError:
     noun = "extra" if len(extras) == 1 else "extras"
     verb = "is" if len(packages) == 1 else "are"
     return MissingExtraError(
-        f"{what} needs the {noun} {join_names(extras)}, because {join_names(packages)} {verb} not installed; "
-        f"run: pip install 'emla-cosim[{','.join(extras)}]'.",
+        f"{subject} needs the {noun} {join_names(extras)}, because {join_names(packages)} {verb} not "
+        f"installed; run: pip install 'emla-cosim[{','.join(extras)}]'.",
         extras=list(extras),
         packages=list(packages),
     )

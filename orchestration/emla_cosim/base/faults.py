@@ -42,8 +42,8 @@ class AcceptedFaults:
 
     def add(self, where: str, problems: Sequence[str]) -> None:
         """Add problems of a file, each once."""
-        known = self.by_file.setdefault(where, [])
-        known += [p for p in dict.fromkeys(problems) if p not in known]
+        earlier = self.by_file.setdefault(where, [])
+        earlier += [p for p in dict.fromkeys(problems) if p not in earlier]
 
     def merge(self, by_file: Mapping[str, Sequence[str]]) -> None:
         """Add other accepted problems by file."""
@@ -53,7 +53,7 @@ class AcceptedFaults:
     def shown(self, unpacked: Path | None = None) -> dict[str, list[str]]:
         """Return the problems by file; files in the folder `unpacked` have their names in the package."""
         prefix = "" if unpacked is None else f"{unpacked}{os.sep}"
-        return {where.removeprefix(prefix): list(found) for where, found in self.by_file.items()}
+        return {where.removeprefix(prefix): list(problems) for where, problems in self.by_file.items()}
 
     def remarks(self, unpacked: Path | None = None) -> list[str]:
         """Return one sentence for each file."""

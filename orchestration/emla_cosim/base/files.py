@@ -80,7 +80,7 @@ def temporary_folder(kind: str) -> Iterator[Path]:
         remove()
 
 
-_going = threading.RLock()
+_chdir_lock = threading.RLock()
 """Held while a thread changes the working folder, and while another one asks for it."""
 
 
@@ -91,7 +91,7 @@ def get_working_folder() -> Path:
         CommandError: If it was removed.
     """
     try:
-        with _going:
+        with _chdir_lock:
             return Path.cwd()
     except OSError as error:
         raise CommandError("the current folder was removed; change to another one.") from error
@@ -103,7 +103,7 @@ def restore_working_folder() -> Iterator[None]:
 
     All threads of a process share it, so only one thread can be in such a block.
     """
-    with _going:
+    with _chdir_lock:
         before = get_working_folder()
         try:
             yield
@@ -111,12 +111,12 @@ def restore_working_folder() -> Iterator[None]:
             os.chdir(before)
 
 
-def read_file(path: Path, what: str, most: int = -1) -> bytes:
+def read_file(path: Path, label: str, most: int = -1) -> bytes:
     """Return the content of a file.
 
     Args:
         path: The file.
-        what: What the error message calls it, such as `the input`.
+        label: What the error message calls it, such as `the input`.
         most: The number of bytes to read; all if negative.
 
     Raises:
@@ -125,31 +125,31 @@ def read_file(path: Path, what: str, most: int = -1) -> bytes:
     try:
         kind = stat.S_IFMT(path.stat().st_mode)
         if kind in (stat.S_IFCHR, stat.S_IFBLK):
-            raise CommandError(f"{what} '{path}' cannot be read: it is a device.")
+            raise CommandError(f"{label} '{path}' cannot be read: it is a device.")
         if kind == stat.S_IFIFO:  # reading it could block
-            raise CommandError(f"{what} '{path}' cannot be read: it is a pipe.")
+            raise CommandError(f"{label} '{path}' cannot be read: it is a pipe.")
         with path.open("rb") as stream:
             return stream.read(most)
     except OSError as error:
-        raise CommandError(f"{what} '{path}' cannot be read: {error.strerror}.") from error
+        raise CommandError(f"{label} '{path}' cannot be read: {error.strerror}.") from error
     except ValueError as error:  # an invalid file name
-        raise CommandError(f"{what} {str(path)!r} cannot be read: {error}.") from error
+        raise CommandError(f"{label} {str(path)!r} cannot be read: {error}.") from error
 
 
-def read_text(path: Path, what: str) -> str:
+def read_text(path: Path, label: str) -> str:
     """Return the text of a UTF-8 file, with or without a byte-order mark.
 
     Args:
         path: The file.
-        what: What the error message calls it.
+        label: What the error message calls it.
 
     Raises:
         CommandError: If it cannot be read, or is not UTF-8.
     """
     try:
-        return read_file(path, what).decode("utf-8-sig")
+        return read_file(path, label).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise CommandError(f"{what} '{path}' is not a text in UTF-8.") from error
+        raise CommandError(f"{label} '{path}' is not a text in UTF-8.") from error
 
 
 def hash_file(path: Path) -> str:
@@ -176,24 +176,24 @@ def hash_if_readable(path: Path) -> str | None:
         return None
 
 
-def resolve_output_path(path: Path, what: str, folder: Path = HERE) -> Path:
+def resolve_output_path(path: Path, label: str, folder: Path = HERE) -> Path:
     """Return the real path of a file to be written; see `real_place`.
 
     Args:
         path: The file, relative to `folder`.
-        what: What the error message calls it.
+        label: What the error message calls it.
         folder: The folder of a relative path.
 
     Raises:
         CommandError: If it cannot be written.
     """
     try:
-        place = real_place(folder / path)
-        if not place.parent.is_dir():
+        real_path = real_place(folder / path)
+        if not real_path.parent.is_dir():
             raise NotAFileError(0, f"there is no folder '{path.parent}'")
     except OSError as error:
-        raise CommandError(f"{what} '{path}' cannot be written: {error.strerror or error}.") from error
-    return place
+        raise CommandError(f"{label} '{path}' cannot be written: {error.strerror or error}.") from error
+    return real_path
 
 
 _UNFINISHED = re.compile(rf"{re.escape(UNFINISHED)}({MARK}-)?[a-z0-9_]{{8}}")
@@ -229,19 +229,19 @@ def check_output_files(written: Mapping[Path, str], used: Mapping[Path, str]) ->
     Raises:
         CommandError: If a file cannot be written, or is in `used` too.
     """
-    others = [(os.path.realpath(path), path, role) for path, role in used.items()]
-    for path, what in written.items():
-        place = str(resolve_output_path(path, what))
-        for at, other, role in others:
-            if not is_same_place(place, at):
+    used_files = [(os.path.realpath(path), path, role) for path, role in used.items()]
+    for path, label in written.items():
+        real_path = str(resolve_output_path(path, label))
+        for used_real_path, used_path, role in used_files:
+            if not is_same_place(real_path, used_real_path):
                 continue
-            named = "" if other == path else f" '{other}'"
-            raise CommandError(f"{what} '{path}' is also {role}{named}. Choose another file.")
+            alias = "" if used_path == path else f" '{used_path}'"
+            raise CommandError(f"{label} '{path}' is also {role}{alias}. Choose another file.")
 
 
-def is_same_place(one: str, other: str) -> bool:
+def is_same_place(first: str, second: str) -> bool:
     """Return whether two real paths may be the same file, on a file system that ignores case, too."""
-    if one == other or one.casefold() != other.casefold():
-        return one == other
-    there = [os.path.lexists(path) for path in (one, other)]
-    return Path(one).samefile(other) if all(there) else not any(there)
+    if first == second or first.casefold() != second.casefold():
+        return first == second
+    exist = [os.path.lexists(path) for path in (first, second)]
+    return Path(first).samefile(second) if all(exist) else not any(exist)

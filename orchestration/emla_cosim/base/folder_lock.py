@@ -16,7 +16,7 @@ from .files import MARK, is_left, mark_of_process, resolve_output_path
 from .output_files import is_new
 
 _LOCK, _HOLDER = ".running", ".running.json"
-_BEGINS = b'{"process": '
+_HOLDER_HEAD = b'{"process": '
 """The beginning of the file that names the process with the lock; on a full disk, only a part of it."""
 
 
@@ -35,8 +35,10 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
             lock's files.
     """
     for path in (folder / _LOCK, folder / _HOLDER):
-        place = resolve_output_path(path, "the lock of the output folder")
-        if not (is_new(place) or (path.name == _HOLDER and _BEGINS.startswith(_read_head(place)))):
+        real_path = resolve_output_path(path, "the lock of the output folder")
+        if not (
+            is_new(real_path) or (path.name == _HOLDER and _HOLDER_HEAD.startswith(_read_head(real_path)))
+        ):
             raise CommandError(
                 f"'{path}' was not written by emla. Choose another output folder.", path=str(path)
             )
@@ -61,11 +63,11 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
     except OSError as error:
         raise CommandError(f"the output folder '{folder}' cannot be written: {error.strerror}.") from error
     try:
-        began = datetime.now().astimezone().isoformat(timespec="seconds")
+        start_time = datetime.now().astimezone().isoformat(timespec="seconds")
         with suppress(OSError):  # the lock works without this file
             holder.unlink(missing_ok=True)
             with holder.open("x", encoding="utf-8") as stream:  # "x" does not follow links
-                content = {"process": os.getpid(), "began": began, "mark": mark_of_process()}
+                content = {"process": os.getpid(), "began": start_time, "mark": mark_of_process()}
                 stream.write(json.dumps(content))
         yield
     finally:
@@ -77,7 +79,7 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
 
 def _read_head(path: Path) -> bytes:
     with suppress(FileNotFoundError), path.open("rb") as stream:  # the other run just ends
-        return stream.read(len(_BEGINS))
+        return stream.read(len(_HOLDER_HEAD))
     return b""
 
 

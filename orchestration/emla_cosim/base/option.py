@@ -14,7 +14,7 @@ SYSTEM, STEPPING, OUTPUT = "What is run", "How it is stepped", "What comes out"
 RUNS = "Where it runs"
 """The groups of options in the help of the command line."""
 
-ARGUMENTS, OTHERS = "Arguments", "Options"
+ARGUMENTS, OTHER_OPTIONS = "Arguments", "Options"
 """The groups of what only one command has: arguments without a flag, and options without another group."""
 
 RUN, EXPORT, SWEEP, COMPARE, INFO = "run", "export", "sweep", "compare", "info"
@@ -258,7 +258,7 @@ def argument(default: Any = MISSING, /, help: str = "", metavar: str | None = No
     return option(default, help=help, metavar=metavar, group=ARGUMENTS)
 
 
-def switch(help: str, group: str = OTHERS) -> Any:
+def switch(help: str, group: str = OTHER_OPTIONS) -> Any:
     """Declare a field of a dataclass as a flag that turns something on."""
     return option(False, help=help, group=group, negative=False)
 

@@ -15,7 +15,7 @@ from typing import IO
 from .errors import CommandError, RunError
 from .files import HERE, NotAFileError, resolve_output_path, write_atomically
 
-_HEAD = 4096
+_HEAD_SIZE = 4096
 """Bytes at the beginning and at the end of a file in which a mark must be."""
 
 IsOurs = Callable[[Path], bool]
@@ -27,9 +27,9 @@ def has_mark(*marks: bytes) -> IsOurs:
 
     def is_ours(path: Path) -> bool:
         with path.open("rb") as stream:
-            ends = stream.read(_HEAD)
-            stream.seek(max(path.stat().st_size - _HEAD, 0))
-            ends += stream.read(_HEAD)
+            ends = stream.read(_HEAD_SIZE)
+            stream.seek(max(path.stat().st_size - _HEAD_SIZE, 0))
+            ends += stream.read(_HEAD_SIZE)
         return any(mark in ends for mark in marks)
 
     return is_ours
@@ -41,7 +41,7 @@ def has_format(name: str) -> IsOurs:
 
     def is_ours(path: Path) -> bool:
         with path.open("rb") as stream:
-            return pattern.match(stream.read(_HEAD)) is not None
+            return pattern.match(stream.read(_HEAD_SIZE)) is not None
 
     return is_ours
 
@@ -112,7 +112,7 @@ class OutputFile:
     def __init__(
         self,
         path: Path,
-        what: str,
+        label: str,
         is_ours: IsOurs,
         overwrite: bool = False,
         folder: Path = HERE,
@@ -122,7 +122,7 @@ class OutputFile:
 
         Args:
             path: The file, relative to `folder`.
-            what: What messages call it, such as `the trajectory`.
+            label: What messages call it, such as `the trajectory`.
             is_ours: Function that recognizes an earlier file of emla.
             overwrite: Whether to replace other regular files.
             folder: The folder of a relative path.
@@ -131,19 +131,19 @@ class OutputFile:
         Raises:
             CommandError: If the file cannot be written, or emla did not write the existing one.
         """
-        self.path, self.what = path, what
+        self.path, self.what = path, label
         self._is_ours, self._overwrite = is_ours, overwrite
         if creates_folder and not (folder / path).parent.is_dir():
             self.place = folder / path
             return
-        self.place = resolve_output_path(path, what, folder)
+        self.place = resolve_output_path(path, label, folder)
         try:
             may_replace = self._may_replace()
         except OSError as error:
-            raise CommandError(f"{what} '{path}' cannot be read: {error.strerror or error}.") from error
+            raise CommandError(f"{label} '{path}' cannot be read: {error.strerror or error}.") from error
         if not may_replace:
             raise CommandError(
-                f"'{path}' was not written by emla. Choose another file for {what}, or use --overwrite.",
+                f"'{path}' was not written by emla. Choose another file for {label}, or use --overwrite.",
                 path=str(path),
             )
 

@@ -63,8 +63,8 @@ def select_names(
     for text in texts:
         matching = find_names(text, names, main)
         if not matching:
-            meant = _suggest_full_names(text, names, main, hint)
-            raise CommandError(f"no {kind} matches '{text}'; {meant}", name=text)
+            suggestion = _suggest_full_names(text, names, main, hint)
+            raise CommandError(f"no {kind} matches '{text}'; {suggestion}", name=text)
         selected |= dict.fromkeys(matching)
     return list(selected)
 
@@ -76,8 +76,8 @@ def require_name(text: str, names: Collection[str], main: str, kind: str, use: s
         CommandError: There is none. The message says that there is no such `kind` to `use`.
     """
     if (name := find_name(text, names, main)) is None:
-        meant = _suggest_full_names(text, names, main)
-        raise CommandError(f"there is no {kind} '{text}' to {use}; {meant}", name=text)
+        suggestion = _suggest_full_names(text, names, main)
+        raise CommandError(f"there is no {kind} '{text}' to {use}; {suggestion}", name=text)
     return name
 
 

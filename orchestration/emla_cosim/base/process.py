@@ -24,7 +24,7 @@ from .interruption import POLITE, ignore_interrupts
 _SHORTEST_PAUSE, _LONGEST_PAUSE = 0.0005, 0.02
 """Seconds between two looks whether a child has ended."""
 
-_END_S = 5.0
+_END_TIMEOUT = 5.0
 """Seconds that a child may take to end after it closed its end of the channel."""
 
 
@@ -82,15 +82,15 @@ class Child:
         try:
             self._channel.send(content)
         except (EOFError, OSError) as error:
-            raise self._ended(error) from error
+            raise self._make_ended_error(error) from error
 
     def receive(self, timeout: float | None = None) -> Any:
         """Return the next object. Raise TimeoutError if it is not complete after `timeout` seconds."""
-        return self._received(self._channel.receive, timeout)
+        return self._report_end(self._channel.receive, timeout)
 
     def receive_bytes(self, timeout: float | None = None) -> bytes:
         """Return the next message of `Channel.send_bytes`; see `receive`."""
-        return self._received(self._channel.receive_bytes, timeout)
+        return self._report_end(self._channel.receive_bytes, timeout)
 
     def is_alive(self) -> bool:
         """Return whether the child runs. What it started ends with it."""
@@ -125,16 +125,16 @@ class Child:
         self.kill()
         self._channel.close()
 
-    def _received(self, receive: Callable[[float | None], Any], timeout: float | None) -> Any:
+    def _report_end(self, receive: Callable[[float | None], Any], timeout: float | None) -> Any:
         try:
             return receive(timeout)
         except TimeoutError:
             raise
         except (EOFError, OSError) as error:
-            raise self._ended(error) from error
+            raise self._make_ended_error(error) from error
 
-    def _ended(self, error: Exception) -> ChildEndedError:
-        how = str(error) if isinstance(error, GarbledError) else describe_exit(self.wait(_END_S))
+    def _make_ended_error(self, error: Exception) -> ChildEndedError:
+        how = str(error) if isinstance(error, GarbledError) else describe_exit(self.wait(_END_TIMEOUT))
         self.kill()  # what wrote to the channel may continue
         return ChildEndedError(how)
 
@@ -257,7 +257,7 @@ class ChildPool:
 
     def __init__(self, start: Callable[[], Child], count: int = 0) -> None:
         self._start, self._lock = start, threading.Lock()
-        self._idle, self._busy = list[Child](), set[Child]()
+        self._idle, self._in_use = list[Child](), set[Child]()
         self.is_closed = False
         try:
             while len(self._idle) < count:
@@ -267,28 +267,28 @@ class ChildPool:
             raise
 
     @contextmanager
-    def member(self, alone: bool = False) -> Iterator[Child]:
+    def member(self, use_once: bool = False) -> Iterator[Child]:
         """Yield a child that no other thread has; it has ended if the pool is closed. Exceptions end it.
 
         Args:
-            alone: Whether to replace an idle child by one that ends afterwards.
+            use_once: Whether to replace an idle child by one that ends afterwards.
         """
         with self._lock:
             child = self._idle.pop() if self._idle else None
-            if child is None or alone or not child.is_alive():
+            if child is None or use_once or not child.is_alive():
                 if child is not None:
                     child.close()
                 child = self._start()
-            self._busy.add(child)
+            self._in_use.add(child)
             if self.is_closed:
                 child.kill()
         is_usable = False
         try:
             yield child
-            is_usable = not alone and child.is_alive()
+            is_usable = not use_once and child.is_alive()
         finally:
             with self._lock:
-                self._busy.discard(child)
+                self._in_use.discard(child)
                 if is_usable and not self.is_closed:
                     self._idle.append(child)
                 else:
@@ -298,7 +298,7 @@ class ChildPool:
         """End all children, also those that threads have; idle ones may take `timeout` seconds each."""
         with self._lock:
             self.is_closed = True
-            for child in self._busy:
+            for child in self._in_use:
                 child.kill()
             while self._idle:
                 self._idle.pop().close(timeout)
@@ -326,13 +326,13 @@ def _redirect(mode: int, *streams: int) -> None:
     os.close(nowhere)
 
 
-def limit_memory(memory: int) -> None:
+def limit_memory(additional: int) -> None:
     """Limit the additional memory of this process in bytes, if the system supports limits."""
     with suppress(ImportError, OSError, ValueError):
         import resource
 
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
+        resource.setrlimit(resource.RLIMIT_AS, (used + additional, used + additional))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 

@@ -14,20 +14,20 @@ class VariableMatch:
 
     Attributes:
         kind: The kind of variable, such as input or output.
-        ours: The name in the component.
-        theirs: The name in the FMU.
+        original: The name in the component.
+        replacement: The name in the FMU.
         verdict: How they fit.
         fatal: Whether the system cannot run with this match.
     """
 
     kind: str
-    ours: str
-    theirs: str
+    original: str
+    replacement: str
     verdict: str
     fatal: bool = False
 
     def __str__(self) -> str:
-        names = " as ".join(filter(None, (self.ours, self.theirs)))
+        names = " as ".join(filter(None, (self.original, self.replacement)))
         return f"the {self.kind} {names} {self.verdict}"
 
 

@@ -148,8 +148,8 @@ def parse_unit_name(name: str, label: str, target: SiUnit | None = None) -> SiUn
     if defined is not None and target is not None and _is_convertible(defined, target):
         return defined
     written = unicodedata.normalize("NFKC", name).replace("−", "-")
-    for pattern, meant in _SPELLINGS:
-        written = pattern.sub(meant, written)
+    for pattern, standard in _SPELLINGS:
+        written = pattern.sub(standard, written)
     unit = find_unit(written) or _find_mass_or_force(written, name, label, target)
     if unit is not None:
         return replace(unit, name=name)

@@ -25,20 +25,20 @@ def make_schema(type_: type[msgspec.Struct], title: str) -> dict[str, Any]:
     return {"$schema": DRAFT, **top, "title": title, "definitions": definitions}
 
 
-def _list_alternatives(type_: Any, seen: set[Any]) -> Iterator[type[msgspec.Struct]]:
+def _list_alternatives(type_: Any, visited: set[Any]) -> Iterator[type[msgspec.Struct]]:
     """Yield the structs that `one_of` names in a type; msgspec does not see them."""
     if isinstance(type_, msgspec.Meta):
         for alternative in (type_.extra or {}).get("types", {}).values():
             yield alternative
-            yield from _list_alternatives(alternative, seen)
+            yield from _list_alternatives(alternative, visited)
     elif isinstance(type_, type) and issubclass(type_, msgspec.Struct):
-        if type_ not in seen:
-            seen.add(type_)
+        if type_ not in visited:
+            visited.add(type_)
             for field in msgspec.structs.fields(type_):
-                yield from _list_alternatives(field.type, seen)
+                yield from _list_alternatives(field.type, visited)
     else:
         for part in get_args(type_):
-            yield from _list_alternatives(part, seen)
+            yield from _list_alternatives(part, visited)
 
 
 def _adapt(node: Any) -> Any:
@@ -47,29 +47,29 @@ def _adapt(node: Any) -> Any:
         return [_adapt(part) for part in node]
     if not isinstance(node, Mapping):
         return node
-    made = {
+    schema = {
         key: {name: _adapt(part) for name, part in value.items()} if key == "properties" else _adapt(value)
         for key, value in node.items()
         if key not in ("default", "x-dotted")
     }
-    if "description" in made and isinstance(made["description"], str):
-        made["description"] = " ".join(made["description"].split())
-    if "anyOf" in made:
-        made = _without_null(made)
-    if "prefixItems" in made:
-        items = made.pop("prefixItems")
-        made["items"] = items[0] if all(item == items[0] for item in items) else items
-    if "pattern" in made and made.get("type") == "number":
-        made["type"] = ["number", "string"]
-    if "pattern" in made and made.get("type") == "array":  # a single quantity is a list of one
-        made["type"] = ["array", "number", "string"]
-        made["items"] = {"type": ["number", "string"], "pattern": made["pattern"]}
-    if "properties" in made:
-        made["additionalProperties"] = False
-        made["properties"] = _nest(made["properties"])
-    if node.get("x-dotted") and isinstance(made.get("additionalProperties"), Mapping):
-        made["additionalProperties"] = {"anyOf": [made["additionalProperties"], {"type": "object"}]}
-    return made
+    if "description" in schema and isinstance(schema["description"], str):
+        schema["description"] = " ".join(schema["description"].split())
+    if "anyOf" in schema:
+        schema = _without_null(schema)
+    if "prefixItems" in schema:
+        items = schema.pop("prefixItems")
+        schema["items"] = items[0] if all(item == items[0] for item in items) else items
+    if "pattern" in schema and schema.get("type") == "number":
+        schema["type"] = ["number", "string"]
+    if "pattern" in schema and schema.get("type") == "array":  # a single quantity is a list of one
+        schema["type"] = ["array", "number", "string"]
+        schema["items"] = {"type": ["number", "string"], "pattern": schema["pattern"]}
+    if "properties" in schema:
+        schema["additionalProperties"] = False
+        schema["properties"] = _nest(schema["properties"])
+    if node.get("x-dotted") and isinstance(schema.get("additionalProperties"), Mapping):
+        schema["additionalProperties"] = {"anyOf": [schema["additionalProperties"], {"type": "object"}]}
+    return schema
 
 
 def _without_null(node: dict[str, Any]) -> dict[str, Any]:
@@ -80,11 +80,11 @@ def _without_null(node: dict[str, Any]) -> dict[str, Any]:
 
 def _nest(properties: Mapping[str, Any]) -> dict[str, Any]:
     """Add, to names with dots, the tables as which TOML reads them."""
-    made, inner = dict(properties), dict[str, dict[str, Any]]()
+    tables, inner = dict(properties), dict[str, dict[str, Any]]()
     for name, value in properties.items():
         first, dot, rest = name.partition(".")
         if dot:
             inner.setdefault(first, {})[rest] = value
     for first, parts in inner.items():
-        made[first] = {"type": "object", "properties": _nest(parts), "additionalProperties": False}
-    return made
+        tables[first] = {"type": "object", "properties": _nest(parts), "additionalProperties": False}
+    return tables

@@ -46,8 +46,8 @@ class SignalType:
         if number is None:
             return values
         with np.errstate(invalid="ignore"):
-            found = values.astype(number)
-        return found if np.array_equal(found, values) else values
+            converted = values.astype(number)
+        return converted if np.array_equal(converted, values) else values
 
 
 REAL = SignalType()
@@ -69,8 +69,8 @@ class Texts:
 
     def decode(self, codes: Vector) -> Any:
         """Return texts by position as an array of objects; empty texts where nothing was recorded."""
-        found = [self._texts[int(c)] if np.isfinite(c) else "" for c in codes]
-        return np.array(found, dtype=object)
+        texts = [self._texts[int(c)] if np.isfinite(c) else "" for c in codes]
+        return np.array(texts, dtype=object)
 
 
 def write_types(types: Mapping[str, SignalType]) -> dict[str, Any]:
@@ -85,11 +85,11 @@ def write_types(types: Mapping[str, SignalType]) -> dict[str, Any]:
 def read_types(content: Any) -> dict[str, SignalType]:
     """Return types of signals from plain data or its JSON; entries with other content are left out."""
     try:
-        found = json.loads(content) if isinstance(content, str) else content
+        entries = json.loads(content) if isinstance(content, str) else content
         return {
-            str(name): SignalType(one["type"], {int(k): str(v) for k, v in one.get("items", {}).items()})
-            for name, one in found.items()
-            if one["type"] in (*_NUMBERS, "String")
+            str(name): SignalType(entry["type"], {int(k): str(v) for k, v in entry.get("items", {}).items()})
+            for name, entry in entries.items()
+            if entry["type"] in (*_NUMBERS, "String")
         }
     except (AttributeError, KeyError, TypeError, ValueError):
         return {}

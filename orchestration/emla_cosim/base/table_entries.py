@@ -83,12 +83,12 @@ def combine_problems(label: str, problems: Sequence[str]) -> CommandError:
     return CommandError(f"{label} cannot be used{text}", problems=list(problems))
 
 
-def _nearest(name: str, names: Collection[str], absent: Collection[str]) -> list[str]:
+def _find_nearest(name: str, names: Collection[str], absent: Collection[str]) -> list[str]:
     """Return the most similar name, or none; of equal ones, one that is absent."""
 
-    def similarity(other: str) -> tuple[float, bool]:
-        is_same = other.lower() == name.lower()
-        return 1.0 if is_same else difflib.SequenceMatcher(None, other, name).ratio(), other in absent
+    def similarity(candidate: str) -> tuple[float, bool]:
+        is_same = candidate.lower() == name.lower()
+        return 1.0 if is_same else difflib.SequenceMatcher(None, candidate, name).ratio(), candidate in absent
 
     nearest = max(names, key=similarity, default="")
     return [nearest] if nearest and similarity(nearest)[0] >= _LEAST_SIMILARITY else []
@@ -105,7 +105,7 @@ def unknown_entry(
         names: The entries that the table can have.
         absent: Those of them that it does not have; one of them is meant rather than another one.
     """
-    near = _nearest(str(key), names, absent)
+    near = _find_nearest(str(key), names, absent)
     remedy = f"did you mean '{near[0]}'?" if near else f"use {join_names(names or ['none'])}."
     return CommandError(f"{table} has the unknown entry '{key}'; {remedy}", key=key, near=near)
 

@@ -116,9 +116,9 @@ _OTHER_MEANINGS = {"T": "t"}
 """Names with a second meaning that documents may give them: T is also a tonne."""
 
 
-def is_same_factor(one: float, other: float) -> bool:
+def is_same_factor(factor: float, reference: float) -> bool:
     """Return whether two factors are equal except for the digits with which documents write them."""
-    return math.isclose(one, other, rel_tol=_TOLERANCE)
+    return math.isclose(factor, reference, rel_tol=_TOLERANCE)
 
 
 def explain_contradiction(unit: SiUnit) -> str | None:
@@ -133,8 +133,8 @@ def explain_contradiction(unit: SiUnit) -> str | None:
     if by_name is None or by_name.exponents is None or unit.exponents is None:
         return None
     if not unit.has_dimension_of(by_name):
-        other = find_unit(_OTHER_MEANINGS.get(unit.name, ""))
-        if other is not None and unit.has_dimension_of(other):
+        alternative = find_unit(_OTHER_MEANINGS.get(unit.name, ""))
+        if alternative is not None and unit.has_dimension_of(alternative):
             return None
         return f"the unit {unit} is declared as {format_powers(unit)}, but it is {format_powers(by_name)}"
     turns = unit.exponents[-1] - by_name.exponents[-1]

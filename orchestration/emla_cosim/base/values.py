@@ -75,7 +75,7 @@ def convert_at(value: Any, type_: Any, at: Location, folder: Path | None = None)
         )
     if origin in (Sequence, list):
         if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):
-            raise _type_error(at.label, value, "a list")
+            raise _make_type_error(at.label, value, "a list")
         return [convert_at(v, inner[0], at.item(i), folder) for i, v in enumerate(value)]
     if is_dataclass(type_):
         return _convert_record(value, type_, at, folder)
@@ -89,17 +89,17 @@ def _flatten(table: Mapping[str, Any], is_value: Callable[[Mapping[str, Any]], b
 
     An inner table is part of a name unless it `is_value`.
     """
-    found = dict[str, Any]()
+    flat = dict[str, Any]()
     for key, value in table.items():
         nested = isinstance(value, Mapping) and not is_value(value)
         parts = {f"{key}.{name}": v for name, v in _flatten(value, is_value, at).items()} if nested else {}
         for name, inner in (parts if nested else {key: value}).items():
-            if name in found:
+            if name in flat:
                 raise CommandError(
                     f"{at.table} has the entry '{name}' twice, with and without quotes; remove one."
                 )
-            found[name] = inner
-    return found
+            flat[name] = inner
+    return flat
 
 
 def list_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
@@ -113,18 +113,18 @@ def list_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
     """
     import numpy as np  # loading it takes longer than reading values without lists
 
-    found: dict[Any, Any] = {}
+    scalars: dict[Any, Any] = {}
     for name, value in values.items():
         many = value.tolist() if getattr(value, "ndim", 0) and value.size != 1 else value
         if not (isinstance(many, (list, tuple)) and many):
-            found[name] = value
+            scalars[name] = value
             continue
         array = np.array(many, dtype=object)  # rows of different lengths stay lists
-        if not array.size or any(isinstance(one, (list, tuple)) for one in array.flat):
+        if not array.size or any(isinstance(element, (list, tuple)) for element in array.flat):
             raise CommandError(f"the rows of '{name}' are empty or differ in length.", name=name)
-        for index, one in np.ndenumerate(array):
-            found[f"{name}[{','.join(str(i + 1) for i in index)}]"] = one
-    return found
+        for index, element in np.ndenumerate(array):
+            scalars[f"{name}[{','.join(str(i + 1) for i in index)}]"] = element
+    return scalars
 
 
 def parse_list(text: str) -> Any:
@@ -164,9 +164,9 @@ def _choose_member(value: Any, members: Sequence[Any]) -> Any:
 def _convert_mapping(value: Any, of: Any, at: Location, folder: Path | None) -> dict[str, Any]:
     if not isinstance(value, Mapping):
         right = f", {at.brackets}" if at.brackets else ' with entries such as "joint.component" = ...'
-        raise _type_error(at.label, value, f"a table{right}")
+        raise _make_type_error(at.label, value, f"a table{right}")
     if wrong := [k for k in value if not isinstance(k, str)]:
-        raise _type_error(f"the name of an entry in {at.label}", wrong[0], "a text")
+        raise _make_type_error(f"the name of an entry in {at.label}", wrong[0], "a text")
     return {k: convert_at(v, of, at.entry(k), folder) for k, v in value.items()}
 
 
@@ -176,7 +176,7 @@ def _convert_tuple(value: Any, types: Sequence[Any], at: Location) -> tuple[Any,
     if Ellipsis in types:
         return tuple(convert_at(v, types[0], at) for v in (value if is_list else [value]))
     if not is_list or len(value) != len(types):
-        raise _type_error(at.label, value, f"a list of {len(types)} numbers")
+        raise _make_type_error(at.label, value, f"a list of {len(types)} numbers")
     return tuple(convert_at(v, t, at) for v, t in zip(value, types, strict=True))
 
 
@@ -185,7 +185,7 @@ def _convert_table(value: Any, type_: Any, at: Location, folder: Path | None) ->
     if isinstance(value, type_):
         return value
     if not isinstance(value, Mapping):
-        raise _type_error(at.label, value, f"a table, {at.brackets}" if at.brackets else "a table")
+        raise _make_type_error(at.label, value, f"a table, {at.brackets}" if at.brackets else "a table")
     fields, values, problems = list_fields(type_), dict[str, Any](), list[CommandError]()
     names = [field.name for field in fields]
     absent = [name for name in names if name not in value]
@@ -221,18 +221,18 @@ def _make(type_: Any, values: Mapping[str, Any], at: Location) -> Any:
 
 def _convert_plain(value: Any, type_: Any, meta: msgspec.Meta | None, label: str, folder: Path | None) -> Any:
     """Convert a value that is neither a table nor a list, and check its bounds."""
-    found = value
+    converted = value
     if hasattr(value, "dtype") and hasattr(value, "item"):
-        found = value.item() if value.size == 1 else value.tolist()  # a NumPy scalar or array
+        converted = value.item() if value.size == 1 else value.tolist()  # a NumPy scalar or array
     if meta is not None and "unit" in (meta.extra or {}):
-        found = _read_quantity(found, meta.extra["unit"], label)  # type: ignore[index]
-    if meta is not None and isinstance(found, (int, float)) and not math.isfinite(as_float(found)):
-        raise _type_error(label, found, "a finite number")
-    wanted = str if type_ is Path else type_
+        converted = _read_quantity(converted, meta.extra["unit"], label)  # type: ignore[index]
+    if meta is not None and isinstance(converted, (int, float)) and not math.isfinite(as_float(converted)):
+        raise _make_type_error(label, converted, "a finite number")
+    target = str if type_ is Path else type_
     try:
-        found = msgspec.convert(
-            str(found) if isinstance(found, Path) and type_ is Path else found,
-            wanted if meta is None else Annotated[wanted, meta],
+        converted = msgspec.convert(
+            str(converted) if isinstance(converted, Path) and type_ is Path else converted,
+            target if meta is None else Annotated[target, meta],
         )
     except (msgspec.ValidationError, OverflowError) as error:
         right = _NAMES.get(type_, f"a number{', true, false' if bool in get_args(type_) else ''} or a text")
@@ -240,10 +240,10 @@ def _convert_plain(value: Any, type_: Any, meta: msgspec.Meta | None, label: str
             right = " or ".join(map(repr, get_args(type_)))
         elif bound := re.match(r"Expected `\w+` ([<>]=?) ([-+.\w]+)", str(error)):
             right = f"{_BOUNDS[bound[1]]} {float(bound[2]):g}"
-        raise _type_error(label, value, right) from None
+        raise _make_type_error(label, value, right) from None
     if type_ is not Path:
-        return found
-    return folder / found if folder is not None else Path(found)
+        return converted
+    return folder / converted if folder is not None else Path(converted)
 
 
 def _read_quantity(value: Any, unit: str, label: str) -> Any:
@@ -251,7 +251,9 @@ def _read_quantity(value: Any, unit: str, label: str) -> Any:
     if isinstance(value, str):
         return read_quantity(value, label, unit or None)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise _type_error(label, value, f"a number{f' in {unit}, or a text with a unit' if unit else ''}")
+        raise _make_type_error(
+            label, value, f"a number{f' in {unit}, or a text with a unit' if unit else ''}"
+        )
     return as_float(value)
 
 
@@ -260,20 +262,20 @@ def _convert_record(value: Any, type_: Any, at: Location, folder: Path | None) -
     if isinstance(value, (type_, Mapping)):
         return _convert_table(value, type_, at, folder)
     if isinstance(value, str) and hasattr(type_, "of_text"):
-        found = type_.of_text(value)
-        return found.within(folder) if folder is not None and hasattr(found, "within") else found
+        converted = type_.of_text(value)
+        return converted.within(folder) if folder is not None and hasattr(converted, "within") else converted
     fields = list_fields(type_)
     first = fields[0].type
     if isinstance(value, (str, Path)) or (isinstance(value, (int, float)) and _is_number(first)):
         return _make(type_, {fields[0].attribute: convert_at(value, first, at, folder)}, at)
     plain = "a number" if _is_number(first) else "a text" if hasattr(type_, "of_text") else "a path"
     texts = (f"{f.name} = {example_of(float if _is_number(f.type) else str)}" for f in fields)
-    raise _type_error(at.label, value, f"{plain}, or {{ {', '.join(texts)} }}")
+    raise _make_type_error(at.label, value, f"{plain}, or {{ {', '.join(texts)} }}")
 
 
 def _is_number(type_: Any) -> bool:
     return float in (type_, *get_args(type_))
 
 
-def _type_error(label: str, value: Any, right: str) -> CommandError:
+def _make_type_error(label: str, value: Any, right: str) -> CommandError:
     return CommandError(f"{label} is {value!r}; it must be {right}.", value=value)

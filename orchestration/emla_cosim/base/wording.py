@@ -4,15 +4,15 @@ from collections.abc import Container, Sequence
 from decimal import Decimal
 
 
-def format_count(count: int, one: str, many: str = "") -> str:
+def format_count(count: int, singular: str, plural: str = "") -> str:
     """Return a count with its noun: "1 step", "2 steps".
 
     Args:
         count: The count.
-        one: The singular, possibly with more words: "step is late".
-        many: The plural; default: the singular and an s.
+        singular: The singular, possibly with more words: "step is late".
+        plural: The plural; default: the singular and an s.
     """
-    return f"{count} {one if count == 1 else many or f'{one}s'}"
+    return f"{count} {singular if count == 1 else plural or f'{singular}s'}"
 
 
 def format_number(value: float, digits: int = 6) -> str:
@@ -46,10 +46,10 @@ def shorten_line(text: str, most: int) -> str:
     return line if len(line) <= most else f"{line[:most]}..."
 
 
-def find_free_name(name: str, taken: Container[str]) -> str:
+def find_free_name(name: str, used: Container[str]) -> str:
     """Return a name, with a number at its end if it is in use: "plant", "plant_2", "plant_3"."""
     free, number = name, 2
-    while free in taken:
+    while free in used:
         free, number = f"{name}_{number}", number + 1
     return free
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import click
 
-from ..base.option import OTHERS, OUTPUT, RUNS, STEPPING, SYSTEM
+from ..base.option import OTHER_OPTIONS, OUTPUT, RUNS, STEPPING, SYSTEM
 
 _INDENT, _TEXT = "  ", "      "
 
@@ -36,7 +36,7 @@ def format_help(
         width: Columns of the terminal.
     """
     switches = [
-        (OTHERS, ", ".join(p.opts), p.help or "")
+        (OTHER_OPTIONS, ", ".join(p.opts), p.help or "")
         for p in command.get_params(ctx)
         if isinstance(p, click.Option) and not p.hidden and not hasattr(p, "option")
     ]

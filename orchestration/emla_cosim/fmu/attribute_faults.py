@@ -43,7 +43,7 @@ class _Number(NamedTuple):
 
 
 _DOUBLE = _Number("a number", is_whole=False)
-_WHOLE = _Number("a whole number")
+_WHOLE_NUMBER = _Number("a whole number")
 
 
 def _between(low: int, high: int) -> _Number:
@@ -59,7 +59,7 @@ _BY_TYPE = {
         for kind in INTEGERS
     },
     "Integer": _between(-(2**31), 2**31 - 1),
-    "Enumeration": _WHOLE,
+    "Enumeration": _WHOLE_NUMBER,
 }
 """What start values and limits must be, by the type of their variable."""
 
@@ -92,7 +92,7 @@ def _list_faults(root: Any) -> Iterator[_Fault]:
     """Yield the faults of a model description in the order of the standard."""
     version = root.get("fmiVersion")
     if version is None:
-        yield True, f"{_name(root)} has no fmiVersion; it needs 2.0 or 3.0"
+        yield True, f"{_describe(root)} has no fmiVersion; it needs 2.0 or 3.0"
         return
     if not version.startswith(("1.", "2.", "3.")):
         return  # the message on the version is better
@@ -103,16 +103,16 @@ def _list_faults(root: Any) -> Iterator[_Fault]:
     for element in () if is_1 else root.xpath(_KINDS):
         yield from _require(element, "modelIdentifier", "the name of the library")
         orders = ("maxOutputDerivativeOrder", "recommendedIntermediateInputSmoothness")
-        yield from _check_all([element], orders, _WHOLE)
+        yield from _check_all([element], orders, _WHOLE_NUMBER)
     times = ("startTime", "stopTime", "tolerance", "stepSize")
     yield from _check_all(root.iterfind("DefaultExperiment"), times, _DOUBLE)
     if not is_1:
-        yield from _check_all(root.iterfind("UnitDefinitions/Unit/BaseUnit"), BASE_UNITS, _WHOLE)
+        yield from _check_all(root.iterfind("UnitDefinitions/Unit/BaseUnit"), BASE_UNITS, _WHOLE_NUMBER)
         yield from _check_all(root.iterfind("UnitDefinitions/Unit/*"), ("factor", "offset"), _DOUBLE)
         yield from _check_types(root, is_3)
     variables = root.find("ModelVariables")
     if variables is None:
-        yield True, f"{_name(root)} has no element ModelVariables"
+        yield True, f"{_describe(root)} has no element ModelVariables"
         return
     yield from _check_variables(variables, is_3)
     if is_3:
@@ -136,7 +136,7 @@ def describe_missing_variability(variable: Any) -> str:
     """Return the fault of a parameter without `variability`."""
     kind = "parameter" if variable.get("causality") == "parameter" else "calculated parameter"
     return (
-        f"{_name(variable)} is a {kind} without variability; it needs fixed or tunable, as the default, "
+        f"{_describe(variable)} is a {kind} without variability; it needs fixed or tunable, as the default, "
         "continuous, is not allowed for it"
     )
 
@@ -147,38 +147,38 @@ def _check_types(root: Any, is_3: bool) -> Iterator[_Fault]:
         inner = definition if is_3 else next(definition.iterfind("*"), None)
         if inner is None:
             needed = ", ".join(_TYPES_2)
-            yield True, f"{_name(definition)} has no element with its type; it needs one of {needed}"
+            yield True, f"{_describe(definition)} has no element with its type; it needs one of {needed}"
             continue
         yield from _check_limits(inner, inner.tag.removesuffix("Type"))
         for item in inner.iterfind("Item"):
-            for _, text in _check(item, "value", _WHOLE, required=True):
+            for _, text in _check(item, "value", _WHOLE_NUMBER, required=True):
                 yield definition.get("name") in used, text
 
 
 def _check_variables(variables: Any, is_3: bool) -> Iterator[_Fault]:
     types = _TYPES_3 if is_3 else _TYPES_2
     for variable in variables.iterfind("*"):
-        what = _name(variable)
+        label = _describe(variable)
         if variable.get("name") is None:
-            yield True, f"{what} has no name; it needs a unique one"
+            yield True, f"{label} has no name; it needs a unique one"
         inner = variable if is_3 else next((e for e in variable.iterfind("*") if e.tag in types), None)
         if inner is None:
-            yield True, f"{what} has no type; it needs an element {', '.join(types[:-1])} or {types[-1]}"
+            yield True, f"{label} has no type; it needs an element {', '.join(types[:-1])} or {types[-1]}"
             continue
         if inner.tag not in types:
-            yield True, f"{what} is of the type {inner.tag}; it must be one of {', '.join(types)}"
+            yield True, f"{label} is of the type {inner.tag}; it must be one of {', '.join(types)}"
             continue
         yield from _check(variable, "valueReference", _UNSIGNED, required=True)
         yield from _check_values(inner)
         for dimension in variable.iterfind("Dimension"):
             if dimension.get("start") is None and dimension.get("valueReference") is None:
                 text = "has neither start nor valueReference; it needs one of them"
-                yield True, f"{_name(dimension)} {text}"
+                yield True, f"{_describe(dimension)} {text}"
             yield from _check(dimension, "start", _SIZE)
             yield from _check(dimension, "valueReference", _UNSIGNED)
         if inner.tag == "Clock":
-            known = "constant, fixed, tunable, changing, countdown or triggered"
-            for _, text in _require(inner, "intervalVariability", known):
+            variabilities = "constant, fixed, tunable, changing, countdown or triggered"
+            for _, text in _require(inner, "intervalVariability", variabilities):
                 yield False, text
 
 
@@ -187,11 +187,14 @@ def _check_values(inner: Any) -> Iterator[_Fault]:
     yield from _check(inner, "maxSize", _SIZE)
     start, number = inner.get("start", ""), _BY_TYPE.get(inner.tag)
     if inner.tag == "Boolean" and not all(w in ("true", "false", "1", "0") for w in start.lower().split()):
-        yield True, f"{_name(inner)} has start = '{_short(start)}'; it must be true or false"
+        yield True, f"{_describe(inner)} has start = '{_shorten(start)}'; it must be true or false"
     if number is not None and inner.find("Dimension") is None:
         yield from _check(inner, "start", number)
     elif number is not None and not all(number.accepts(word) for word in start.split()):
-        yield True, f"{_name(inner)} has start = '{_short(start)}'; each value must be {number.description}"
+        yield (
+            True,
+            f"{_describe(inner)} has start = '{_shorten(start)}'; each value must be {number.description}",
+        )
     yield from _check_limits(inner, inner.tag)
 
 
@@ -203,36 +206,36 @@ def _check_limits(element: Any, kind: str) -> Iterator[_Fault]:
 
 def _check_references(root: Any, variables: Any) -> Iterator[_Fault]:
     """Check what refers to variables by value reference, in FMI 3.0."""
-    known = {_reference(e.get("valueReference", "")): e for e in variables.iterfind("*")}
+    by_reference = {_parse_reference(e.get("valueReference", "")): e for e in variables.iterfind("*")}
     for variable in variables.iterfind("*"):
         if variable.get("clocks") is not None:
             yield from _require(variable, "clocks", "value references of Clocks, or must be left out")
         yield from _check(variable, "derivative", _UNSIGNED)
         for name in ("derivative", "clocks"):
-            yield from _check_targets(variable, name, known)
+            yield from _check_targets(variable, name, by_reference)
         for dimension in variable.iterfind("Dimension"):
             if dimension.get("start") is not None:
                 continue
-            yield from _check_targets(dimension, "valueReference", known)
-            size = known.get(_reference(dimension.get("valueReference", "")))
+            yield from _check_targets(dimension, "valueReference", by_reference)
+            size = by_reference.get(_parse_reference(dimension.get("valueReference", "")))
             if size is not None:
-                needed = f"{_name(size)}, the size of {_name(variable)},"
+                needed = f"{_describe(size)}, the size of {_describe(variable)},"
                 yield from _check(size, "start", _SIZE, needed, required=True)
     for element in root.xpath(_UNKNOWNS_3):
         yield from _check(element, "valueReference", _UNSIGNED, required=True)
         for name in ("valueReference", "dependencies"):
-            yield from _check_targets(element, name, known)
+            yield from _check_targets(element, name, by_reference)
 
 
-def _reference(text: str) -> int | str:
+def _parse_reference(text: str) -> int | str:
     """Return a value reference; other texts as they are."""
     return int(text) if _UNSIGNED.accepts(text) else text
 
 
-def _check_targets(element: Any, name: str, known: Mapping[int | str, Any]) -> Iterator[_Fault]:
-    if any(_reference(word) not in known for word in element.get(name, "").split()):
+def _check_targets(element: Any, name: str, by_reference: Mapping[int | str, Any]) -> Iterator[_Fault]:
+    if any(_parse_reference(word) not in by_reference for word in element.get(name, "").split()):
         end = "no variable has this value reference"
-        yield True, f"{_name(element)} has {name} = '{_short(element.get(name))}'; {end}"
+        yield True, f"{_describe(element)} has {name} = '{_shorten(element.get(name))}'; {end}"
 
 
 def _check_indices(root: Any, variables: Any) -> Iterator[_Fault]:
@@ -244,8 +247,8 @@ def _check_indices(root: Any, variables: Any) -> Iterator[_Fault]:
         yield from _check(element, "index", number, required=True)
         words = element.get("dependencies", "").split()
         if not all(number.accepts(word) for word in words if word != "0"):
-            text = f"has dependencies = '{_short(element.get('dependencies'))}'; each must be "
-            yield True, f"{_name(element)} {text}{number.description}"
+            text = f"has dependencies = '{_shorten(element.get('dependencies'))}'; each must be "
+            yield True, f"{_describe(element)} {text}{number.description}"
 
 
 def _check_all(elements: Iterable[Any], names: Iterable[str], number: _Number) -> Iterator[_Fault]:
@@ -255,41 +258,44 @@ def _check_all(elements: Iterable[Any], names: Iterable[str], number: _Number) -
 
 
 def _check(
-    element: Any, name: str, number: _Number, what: str = "", required: bool = False
+    element: Any, name: str, number: _Number, label: str = "", required: bool = False
 ) -> Iterator[_Fault]:
     """Check a number in an attribute."""
     text = element.get(name)
     if text is None:
         if required:
-            yield True, f"{what or _name(element)} has no {name}; it needs {number.description}"
+            yield True, f"{label or _describe(element)} has no {name}; it needs {number.description}"
     elif not number.accepts(text):
-        yield True, f"{what or _name(element)} has {name} = '{_short(text)}'; it must be {number.description}"
+        yield (
+            True,
+            f"{label or _describe(element)} has {name} = '{_shorten(text)}'; it must be {number.description}",
+        )
 
 
 def _require(element: Any, name: str, expected: str) -> Iterator[_Fault]:
     """Check that an attribute is present and not empty."""
     if not (element.get(name) or "").strip():
-        yield True, f"{_name(element)} has no {name}; it needs {expected}"
+        yield True, f"{_describe(element)} has no {name}; it needs {expected}"
 
 
-def _name(element: Any) -> str:
+def _describe(element: Any) -> str:
     """Return what messages call an element, with its line."""
     parent, tag, name = element.getparent(), element.tag, element.get("name")
     holder = "" if parent is None else parent.tag
     if holder in ("ScalarVariable", "SimpleType"):
-        return _name(parent)  # its type
+        return _describe(parent)  # its type
     if tag == "Item":
-        return f"Item '{name or ''}' of {_name(parent)}"
+        return f"Item '{name or ''}' of {_describe(parent)}"
     if holder == "Unit" or tag == "Dimension":
-        return f"{tag} of {_name(parent)}"
+        return f"{tag} of {_describe(parent)}"
     label = f"{tag} of {holder}" if tag == "Unknown" else tag
     kind = {"ModelVariables": "variable", "TypeDefinitions": "type", "UnitDefinitions": "unit"}.get(holder)
     if kind is not None and (name is not None or kind == "unit"):
-        label = f"the {kind} '{_short(name or '')}'"
+        label = f"the {kind} '{_shorten(name or '')}'"
     elif kind == "variable":
         label = f"variable {element.getparent().xpath('*').index(element) + 1}"
     return f"{label} (line {element.sourceline})"
 
 
-def _short(text: str) -> str:
+def _shorten(text: str) -> str:
     return shorten_line(text, _LONGEST)

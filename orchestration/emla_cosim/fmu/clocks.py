@@ -16,7 +16,7 @@ PERIODIC, COUNTDOWN = ("constant", "fixed", "tunable"), "countdown"
 TRIGGERED = "triggered"
 """The kind of clocks that tick when another clock ticks: output clocks, and the input clocks they drive."""
 
-_KNOWN = (*PERIODIC, "changing", COUNTDOWN, TRIGGERED)
+_ALL_VARIABILITIES = (*PERIODIC, "changing", COUNTDOWN, TRIGGERED)
 
 CLOCK = "Clock"
 """The type of these variables. In tables, their value is the number of their ticks since the start."""
@@ -48,12 +48,12 @@ def explain_unsupported_clock(description: ModelDescription) -> str | None:
         if clock.intervalVariability is None:
             return (
                 f"has the clock '{clock.name}' without intervalVariability, which must be one of "
-                f"{', '.join(_KNOWN)}"
+                f"{', '.join(_ALL_VARIABILITIES)}"
             )
-        if clock.intervalVariability not in _KNOWN:
+        if clock.intervalVariability not in _ALL_VARIABILITIES:
             return (
                 f"has the clock '{clock.name}' with intervalVariability = '{clock.intervalVariability}', "
-                f"which is not one of {', '.join(_KNOWN)}"
+                f"which is not one of {', '.join(_ALL_VARIABILITIES)}"
             )
     if inputs and description.coSimulation is not None and not description.coSimulation.hasEventMode:
         return f"has the clock '{inputs[0].name}' but no event mode in co-simulation"

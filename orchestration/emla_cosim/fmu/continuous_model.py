@@ -126,11 +126,11 @@ class ContinuousModel(ABC):
 
     def read_nominals(self) -> Vector:
         """Return the nominal values of the states; 1 for those that are not finite and positive."""
-        found = np.ones(self.state_count)
+        nominals = np.ones(self.state_count)
         if self.state_count:
-            self._call("getNominalsOfContinuousStates", found.ctypes.data, self.state_count)
+            self._call("getNominalsOfContinuousStates", nominals.ctypes.data, self.state_count)
         self.has_new_nominals = False
-        return np.where(np.isfinite(found) & (found != 0.0), np.abs(found), 1.0)
+        return np.where(np.isfinite(nominals) & (nominals != 0.0), np.abs(nominals), 1.0)
 
     def derive(self, result: int) -> None:
         """Write the derivatives of the states, per s, to an address."""

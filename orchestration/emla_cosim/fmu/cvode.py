@@ -188,16 +188,16 @@ class CVode:
 
     def _guard(self, function: Function, is_vector: bool) -> Callable[..., int]:
         """Return a function for CVode, which keeps exceptions for `step`."""
-        place = self._call["N_VGetArrayPointer"]
+        get_address = self._call["N_VGetArrayPointer"]
 
-        def called(time: float, states: int, result: int, _: Any) -> int:
+        def call_guarded(time: float, states: int, result: int, _: Any) -> int:
             try:
-                return function(time, place(states), place(result) if is_vector else result)
+                return function(time, get_address(states), get_address(result) if is_vector else result)
             except BaseException as error:
                 self._failure = error
                 return FAILED
 
-        return called
+        return call_guarded
 
 
 @cache
@@ -210,9 +210,9 @@ def load_sundials() -> dict[str, Any]:
             "Model Exchange needs the solver CVode, and the package fmpy has no CVode for "
             f"{importlib.import_module('fmpy').platform_tuple}. Use an FMU with co-simulation."
         ) from error
-    found = {}
+    functions = {}
     for name, (library, result, arguments) in _PROTOTYPES.items():
         function = getattr(libraries, f"sundials_{library}")[name]  # fmpy's prototypes remain as they are
         function.restype, function.argtypes = result, arguments
-        found[name] = function
-    return found
+        functions[name] = function
+    return functions

@@ -27,14 +27,14 @@ _GENERAL = {
 BINARY = "Binary"
 """The type of values that a run passes on unchanged, and does not record."""
 
-_MEMORY: dict[str, type[Any]] = {
+_DTYPES: dict[str, type[Any]] = {
     "Real": np.float64,
     "Integer": np.int32,
     "Float64": np.float64,
     "Float32": np.float32,
     **{name: getattr(np, name.lower()) for name in INTEGERS},
 }
-_LARGEST = 2**20
+_MOST_ELEMENTS = 2**20
 """The largest number of elements of an array."""
 
 
@@ -90,16 +90,16 @@ def split_arrays(
     """
     resized = _resize(description, structure or {})
     elements = {
-        id(v): [_whole(v)] if v.type in keep and not v.shape else list(_split(v, id(v) in resized))
+        id(v): [_keep_whole(v)] if v.type in keep and not v.shape else list(_split(v, id(v) in resized))
         for v in description.modelVariables
     }
     description.modelVariables = [e for v in description.modelVariables for e in elements[id(v)]]
     for unknowns in (description.outputs, description.derivatives, description.initialUnknowns):
         unknowns[:] = [u for unknown in unknowns for u in _split_unknown(unknown, elements)]
     for variable in description.modelVariables:
-        own, place = elements.get(id(variable.derivative), ()), place_in_array(variable)
+        state_elements, index = elements.get(id(variable.derivative), ()), place_in_array(variable)
         if variable.derivative is not None:
-            variable.derivative = own[place] if place < len(own) else None
+            variable.derivative = state_elements[index] if index < len(state_elements) else None
 
 
 def is_supported(variable: ModelVariable) -> bool:
@@ -136,8 +136,8 @@ def _split(variable: ModelVariable, is_resized: bool) -> Iterator[ElementVariabl
         return
     shape = variable.shape or ()
     general, size = _GENERAL[str(variable.type)], math.prod(shape)
-    if size > _LARGEST:
-        raise ValueError(f"the array '{variable.name}' has {size} elements, more than {_LARGEST}")
+    if size > _MOST_ELEMENTS:
+        raise ValueError(f"the array '{variable.name}' has {size} elements, more than {_MOST_ELEMENTS}")
     starts: list[str | None] = [variable.start]
     if shape:
         starts = [*(variable.start or "").split()] or [None]
@@ -149,23 +149,23 @@ def _split(variable: ModelVariable, is_resized: bool) -> Iterator[ElementVariabl
             raise ValueError(
                 f"the array '{variable.name}' has {size} elements and {len(starts)} start values"
             )
-    numbers = () if general == "String" else tuple(_number(s, general) for s in starts)
+    numbers = () if general == "String" else tuple(_parse_start(s, general) for s in starts)
     fields = {a.alias: getattr(variable, a.name) for a in attrs.fields(ModelVariable)}
     data_type = "Int64" if general == "Enumeration" else str(variable.type)
-    for place, index in enumerate(list_indices(shape)):
+    for position, index in enumerate(list_indices(shape)):
         name = f"{variable.name}{index}"
-        own = {"name": name, "type": general, "start": starts[place]}
+        element_fields = {"name": name, "type": general, "start": starts[position]}
         yield ElementVariable(
-            **{**fields, **own},
+            **{**fields, **element_fields},
             data_type=data_type,
-            place=place,
+            place=position,
             size=size,
             array_start=numbers,
             is_resized=is_resized,
         )
 
 
-def _whole(variable: ModelVariable) -> ElementVariable:
+def _keep_whole(variable: ModelVariable) -> ElementVariable:
     """Return a Clock or Binary variable, which is no number, as a discrete variable without a start value."""
     fields = {a.alias: getattr(variable, a.name) for a in attrs.fields(ModelVariable)}
     return ElementVariable(
@@ -182,7 +182,7 @@ def _split_unknown(unknown: Unknown, elements: dict[int, list[ElementVariable]])
         yield attrs.evolve(unknown, variable=element, dependencies=knowns, dependenciesKind=None)
 
 
-def _number(text: str | None, general: str) -> float:
+def _parse_start(text: str | None, general: str) -> float:
     if general == "Boolean":
         return float(text in ("true", "1"))
     return float(text or 0.0) if general == "Real" else int(text or 0)
@@ -203,34 +203,34 @@ class ElementLayout:
     """
 
     def __init__(self, variables: Iterable[ModelVariable]) -> None:
-        begins = dict[int, int]()
+        starts = dict[int, int]()
         self.references, self.places, self.size = list[int](), list[int](), 0
         for variable in variables:
             reference, size = int(variable.valueReference), getattr(variable, "size", 1)
-            begin = begins.get(reference) if size > 1 else None
-            if begin is None:
-                begin = begins[reference] = self.size
+            start = starts.get(reference) if size > 1 else None
+            if start is None:
+                start = starts[reference] = self.size
                 self.references.append(reference)
                 self.size += size
-            self.places.append(begin + place_in_array(variable))
+            self.places.append(start + place_in_array(variable))
 
     def pick(self, values: Sequence[Any]) -> list[Any]:
         """Return the values of the variables."""
-        return [values[place] for place in self.places]
+        return [values[i] for i in self.places]
 
     def spread(self, values: Iterable[float]) -> list[float]:
         """Return all values, of which those of other elements are 0."""
-        found = [0.0] * self.size
-        for place, value in zip(self.places, values, strict=True):
-            found[place] = value
-        return found
+        spread_values = [0.0] * self.size
+        for i, value in zip(self.places, values, strict=True):
+            spread_values[i] = value
+        return spread_values
 
 
 def value_type(variable: ModelVariable) -> np.dtype:
     """Return the type of a number in the memory of FMI functions."""
     if isinstance(variable, ElementVariable):
-        return np.dtype(_MEMORY.get(variable.data_type, np.bool_))
-    return np.dtype(_MEMORY.get(str(variable.type), np.int32))
+        return np.dtype(_DTYPES.get(variable.data_type, np.bool_))
+    return np.dtype(_DTYPES.get(str(variable.type), np.int32))
 
 
 def number_range(variable: ModelVariable) -> tuple[float, float]:
@@ -249,9 +249,9 @@ def number_range(variable: ModelVariable) -> tuple[float, float]:
 def declared_range(variable: ModelVariable) -> tuple[float, float]:
     """Return the minimum and the maximum of a number: its own, or else those of its declared type."""
     smallest, largest = number_range(variable)
-    own = (variable.min, variable.max)
+    limits = (variable.min, variable.max)
     of_type = (getattr(variable.declaredType, name, None) for name in ("min", "max"))
-    low, high = (x if x is not None else y for x, y in zip(own, of_type, strict=True))
+    low, high = (x if x is not None else y for x, y in zip(limits, of_type, strict=True))
     return smallest if low is None else float(low), largest if high is None else float(high)
 
 
@@ -265,8 +265,8 @@ def is_plain(variables: Sequence[ModelVariable]) -> bool:
             continue
         if v.data_type != "Float64":
             return False
-        here = (v.valueReference, v.place)
-        if pending and pending[0] != here:
+        element = (v.valueReference, v.place)
+        if pending and pending[0] != element:
             return False
         pending = pending[1:] or ([(v.valueReference, p) for p in range(1, v.size)] if not pending else [])
         if not pending and v.place != v.size - 1:

@@ -89,17 +89,20 @@ def open_fmu(path: Path, folder: Path, kind: str | None = None) -> FmuFile:
     except UnsafeArchiveError as error:
         raise CommandError(f"the FMU '{path}' {error}.") from error
     except OSError as error:
-        place, reason = folder.parent.parent, error.strerror or error
+        target_folder, reason = folder.parent.parent, error.strerror or error
         raise CommandError(
-            f"the FMU '{path}' cannot be unpacked to '{place}': {reason}. Set TMPDIR to another folder."
+            f"the FMU '{path}' cannot be unpacked to '{target_folder}': {reason}. Set TMPDIR to another "
+            "folder."
         ) from error
     except Exception as error:  # zipfile raises many types
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
     identifier = str(interface.kinds[kind].modelIdentifier)
-    return FmuFile(path, folder, interface, _library(path, folder, identifier), hash_file(path), kind)
+    return FmuFile(
+        path, folder, interface, _find_intact_library(path, folder, identifier), hash_file(path), kind
+    )
 
 
-def _library(path: Path, folder: Path, identifier: str) -> Path:
+def _find_intact_library(path: Path, folder: Path, identifier: str) -> Path:
     """Return the FMU's library for this machine; raise CommandError if it is missing or truncated."""
     if (library := find_library(folder, identifier)) is None:
         raise CommandError(f"'{path}' {explain_missing_library(folder, identifier)}.")

@@ -37,12 +37,12 @@ class StepEnd:
     def __init__(self) -> None:
         self.use(np.zeros(2))
 
-    def use(self, memory: Vector) -> int:
+    def use(self, buffer: Vector) -> int:
         """Use this memory of two doubles, and return its address."""
-        self._flags, self._time = memory.view(np.bool_)[:3], memory[1:]
-        self.address = at = memory.ctypes.data
-        self._arguments = (at, at + 1, at + 2, at + self.TIME)
-        return at
+        self._flags, self._time = buffer.view(np.bool_)[:3], buffer[1:]
+        self.address = address = buffer.ctypes.data
+        self._arguments = (address, address + 1, address + 2, address + self.TIME)
+        return address
 
     @property
     def terminates(self) -> bool:

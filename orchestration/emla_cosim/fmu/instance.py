@@ -127,23 +127,29 @@ class FmiInstance(ABC):
 
     def get_typed(self, variables: Sequence[ModelVariable]) -> list[Any]:
         """Return values of variables, with one call per type; raises fmpy's exceptions."""
-        found: list[Any] = [None] * len(variables)
+        result: list[Any] = [None] * len(variables)
         key = tuple(map(id, variables))
         if key not in self._layouts:
-            kinds = [(kind, places, [variables[i] for i in places]) for kind, places in by_type(variables)]
-            self._layouts[key] = [(kind, places, ElementLayout(some), some) for kind, places, some in kinds]
+            kinds = [
+                (kind, positions_of_kind, [variables[i] for i in positions_of_kind])
+                for kind, positions_of_kind in by_type(variables)
+            ]
+            self._layouts[key] = [
+                (kind, positions_of_kind, ElementLayout(members), members)
+                for kind, positions_of_kind, members in kinds
+            ]
         for kind, positions, layout, _ in self._layouts[key]:
             count = () if layout.size == len(layout.references) else (layout.size,)
-            got = getattr(self.fmu, f"get{kind}")(layout.references, *count)
-            for i, value in zip(positions, layout.pick(got), strict=True):
-                found[i] = value
-        return found
+            values = getattr(self.fmu, f"get{kind}")(layout.references, *count)
+            for i, value in zip(positions, layout.pick(values), strict=True):
+                result[i] = value
+        return result
 
     def asks_to_end(self) -> bool:
         """Return whether the FMU discarded a step because it wants the run to end."""
         answer = c_int(0)
-        asked = self.status("fmi2GetBooleanStatus", fmi2Terminated, byref(answer))
-        return asked == OK and bool(answer.value)
+        status = self.status("fmi2GetBooleanStatus", fmi2Terminated, byref(answer))
+        return status == OK and bool(answer.value)
 
     def last_successful_time(self) -> float:
         """Return the time in s that a discarded step of FMI 2.0 has reached; NaN if it is not known."""
@@ -192,13 +198,13 @@ class _Announced:
 
 
 @cache
-def read_signatures(made: type[Any]) -> Mapping[str, Signature]:
+def read_signatures(fmpy_class: type[Any]) -> Mapping[str, Signature]:
     """Return the functions that fmpy's class for FMUs calls, by name."""
-    without_library: Any = object.__new__(made)
+    without_library: Any = object.__new__(fmpy_class)
     without_library.dll, without_library._functions = _AnyLibrary(), {}
     FMU2Slave._loadFunctions(without_library)  # that of all of fmpy's classes
-    found = without_library._functions
-    return {name: (f.argnames, f.argtypes, f.restype) for name, f in found.items()}
+    functions = without_library._functions
+    return {name: (f.argnames, f.argtypes, f.restype) for name, f in functions.items()}
 
 
 class _AnyLibrary:
@@ -249,9 +255,9 @@ def load(
         guid: The GUID of the model description.
         version: The version of FMI.
     """
-    made = CLASSES[kind, 2 if version == "2.0" else 3]
+    fmpy_class = CLASSES[kind, 2 if version == "2.0" else 3]
     with restore_working_folder():  # fmpy changes to the library's folder
-        return made(
+        return fmpy_class(
             guid=guid, unzipDirectory=str(folder), modelIdentifier=identifier, libraryPath=str(library)
         )
 

@@ -68,10 +68,10 @@ class Integrator(ABC, Generic[Model]):
 
     def read_states(self) -> Vector:
         """Return the present states of the FMUs."""
-        found = np.empty(self._count)
+        states = np.empty(self._count)
         for member, offset in zip(self.members, self._states, strict=True):
-            member.read_states(found.ctypes.data + offset)
-        return found
+            member.read_states(states.ctypes.data + offset)
+        return states
 
     def _exchange(self) -> Collection[Model]:
         """Pass all values between the FMUs, which are in event mode; return those that got other inputs."""
@@ -102,10 +102,10 @@ class Integrator(ABC, Generic[Model]):
 
     def _integrate(self, target: float) -> bool:
         """Do one step of the integrator to at most `target`; return whether an event follows."""
-        found, self.refusal = False, None
+        is_event, self.refusal = False, None
         if (self._count or self._indicators) and not _reaches(self._time, target):
             solver = self._ready_solver()
-            self._time, found = solver.step(target)
+            self._time, is_event = solver.step(target)
             if not np.isfinite(solver.states).all():
                 raise self._integration_error("a state became infinite or NaN.")
             states = solver.states
@@ -113,8 +113,8 @@ class Integrator(ABC, Generic[Model]):
             self._time, states = target, self.read_states()
         self._place(self._time, states.ctypes.data)
         for member in self.members:
-            found = member.complete_step() or found
-        return found
+            is_event = member.complete_step() or is_event
+        return is_event
 
     def _enter_event_mode(self) -> None:
         for member in self.members:
@@ -125,9 +125,9 @@ class Integrator(ABC, Generic[Model]):
         self._exchange()
         waiting: Collection[Model] = self.members
         for _ in range(MOST_ITERATIONS):
-            again = [m for m in waiting if m.find_discrete_states()]
+            unsettled = [m for m in waiting if m.find_discrete_states()]
             changed = self._exchange()
-            waiting = [m for m in self.members if m in again or m in changed]
+            waiting = [m for m in self.members if m in unsettled or m in changed]
             if not waiting:
                 break
         else:
@@ -149,7 +149,7 @@ class Integrator(ABC, Generic[Model]):
 
     def _ready_solver(self) -> CVode:
         """Return the solver, which starts anew from the FMUs' states after a discontinuity."""
-        solver, fresh = self._solver, self._solver is None
+        solver, is_new = self._solver, self._solver is None
         if solver is None:
             # without states, CVode looks for events along one that stays at 0
             solver = self._solver = CVode(
@@ -160,7 +160,7 @@ class Integrator(ABC, Generic[Model]):
             tolerance = max(share * self._tolerance, _SMALLEST)
             if self._count:
                 solver.states[:] = self.read_states()
-                if fresh or any(m.has_new_nominals for m in self.members):
+                if is_new or any(m.has_new_nominals for m in self.members):
                     self._nominals = np.concatenate([m.read_nominals() for m in self.members])
                 solver.absolute[:] = tolerance * self._nominals
             solver.restart(self._time, tolerance, self._largest)
@@ -204,9 +204,9 @@ class Integrator(ABC, Generic[Model]):
             self._solver = None
 
 
-def _reaches(time: float, other: float) -> bool:
+def _reaches(time: float, target: float) -> bool:
     """Whether a time is at or after another one, apart from rounding."""
-    return time >= other or (other < math.inf and other - time <= CLOSE * max(abs(time), abs(other)))
+    return time >= target or (target < math.inf and target - time <= CLOSE * max(abs(time), abs(target)))
 
 
 def _offsets(counts: Sequence[int]) -> tuple[list[int], int]:

@@ -52,17 +52,17 @@ class Dependencies:
     """The dependencies of one list of unknowns, by names of variables."""
 
     def __init__(self, unknowns: Sequence[Unknown]) -> None:
-        self._silent = not unknowns
-        self._on_all: set[str] = set()
-        self._on: dict[str, set[str]] = {}
+        self._is_unlisted = not unknowns
+        self._on_everything: set[str] = set()
+        self._dependents: dict[str, set[str]] = {}
         for unknown in unknowns:
             if unknown.variable is None:
                 continue
             name, knowns = str(unknown.variable.name), unknown.dependencies
             if knowns is None:
-                self._on_all.add(name)
+                self._on_everything.add(name)
             for known in knowns or ():
-                self._on.setdefault(str(known.name), set()).add(name)
+                self._dependents.setdefault(str(known.name), set()).add(name)
 
     def among(self, outputs: Set[str], known: str) -> Set[str]:
         """Return the outputs that depend on a known.
@@ -74,9 +74,9 @@ class Dependencies:
             outputs: The names of the outputs to select from.
             known: The name of the known.
         """
-        if self._silent:
+        if self._is_unlisted:
             return outputs
-        return (outputs & self._on_all) | (outputs & self._on.get(known, set()))
+        return (outputs & self._on_everything) | (outputs & self._dependents.get(known, set()))
 
 
 @dataclass(frozen=True)
@@ -101,11 +101,11 @@ class Interface:
     @cached_property
     def kinds(self) -> dict[str, Any]:
         """Return fmpy's element for each kind that the FMU has; co-simulation is first."""
-        found = {
+        elements = {
             CO_SIMULATION: self.description.coSimulation,
             MODEL_EXCHANGE: self.description.modelExchange,
         }
-        return {kind: element for kind, element in found.items() if element is not None}
+        return {kind: element for kind, element in elements.items() if element is not None}
 
     @property
     def tolerance(self) -> float | None:
@@ -189,9 +189,11 @@ class Interface:
         unit = variable.unit or (declared.unit if declared is not None else None)
         if not unit:
             return None
-        found = self.units.find(unit)
+        definition = self.units.find(unit)
         relative = variable.relativeQuantity or (declared is not None and declared.relativeQuantity)
-        return replace(found, offset=0.0, is_difference=True) if relative in (True, "true") else found
+        return (
+            replace(definition, offset=0.0, is_difference=True) if relative in (True, "true") else definition
+        )
 
 
 def read_interface(path: Path, structure: Mapping[str, int] | None = None) -> Interface:
@@ -271,7 +273,7 @@ def read_description(
             raise ValidationError(
                 [fault or "A display unit belongs to a unit that is not defined"]
             ) from error
-        inverse_units = _add_what_fmpy_lacks(description, path)
+        inverse_units = _complete_description(description, path)
         clocks = tuple(str(v.name) for v in description.modelVariables if v.type == "Clock")
         without_value = {
             str(v.name): f"array of {v.type}s" if v.shape else str(v.type)
@@ -478,7 +480,7 @@ def _check_size(path: Path) -> None:
         raise CommandError(f"the {DESCRIPTION} of '{path}' is larger than {_LARGEST // 2**20} MiB.")
 
 
-def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> frozenset[str]:
+def _complete_description(description: ModelDescription, path: Path) -> frozenset[str]:
     """Mark variables that are differences, and FMI 3.0 FMUs that have directional derivatives; read limits.
 
     fmpy (0.3.32) reads the attribute for differences for types only, the flag of FMI 2.0 only, and no
@@ -498,9 +500,9 @@ def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> frozenset
     for unsigned in root.xpath("ModelVariables/*[starts-with(name(), 'UInt')]"):
         limited = variables[unsigned.get("name")]
         limited.min, limited.max = unsigned.get("min"), unsigned.get("max")
-    for kind, known in Interface(description).kinds.items() if is_version_3(description) else ():
+    for kind, element in Interface(description).kinds.items() if is_version_3(description) else ():
         flag = root.find(kind).get("providesDirectionalDerivatives")
-        known.providesDirectionalDerivative = flag in ("true", "1")
+        element.providesDirectionalDerivative = flag in ("true", "1")
     inverse = root.iterfind("UnitDefinitions/Unit/DisplayUnit[@inverse]")
     return frozenset(d.get("name") for d in inverse if d.get("inverse") in ("true", "1"))
 
@@ -509,8 +511,8 @@ def _split_arrays(description: ModelDescription, path: Path, structure: Mapping[
     """Split the variables of FMI 3.0; CommandError if the FMU needs clocks that are not supported."""
     if (reason := explain_unsupported_clock(description)) is not None:
         raise CommandError(f"'{path}' {reason}.")
-    own = description.coSimulation
-    has_events = own is not None and bool(own.hasEventMode)
+    co_simulation = description.coSimulation
+    has_events = co_simulation is not None and bool(co_simulation.hasEventMode)
     try:
         split_arrays(description, structure, keep=(BINARY, CLOCK) if has_events else (BINARY,))
         _read_binary_attributes(description, path)

@@ -95,8 +95,8 @@ def find_source(library: str) -> str:
 
 def find_system_with_glibc(version: str) -> str:
     """Return the oldest systems with this version of glibc; empty if the table has none."""
-    wanted = _numbers(version)
-    return next((systems for own, systems in _GLIBC.items() if _numbers(own) >= wanted), "")
+    needed = _parse_version(version)
+    return next((systems for glibc, systems in _GLIBC.items() if _parse_version(glibc) >= needed), "")
 
 
 def find_version_of_gcc(symbol_version: str) -> str:
@@ -104,5 +104,5 @@ def find_version_of_gcc(symbol_version: str) -> str:
     return _GCC.get(symbol_version, "")
 
 
-def _numbers(version: str) -> tuple[int, ...]:
+def _parse_version(version: str) -> tuple[int, ...]:
     return tuple(int(word) for word in version.split("."))

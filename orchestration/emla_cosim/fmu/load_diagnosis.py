@@ -124,12 +124,12 @@ def _diagnose_target(binary: Any) -> LoadFailure | None:
     header = binary.abstract.header
     names = {"ARM64": "aarch64", "ARM": "aarch32"}
     processor = str(header.architecture).rpartition(".")[2]
-    found = f"{system} on {names.get(processor, processor.lower())}"
-    if found == describe_machine():
+    target = f"{system} on {names.get(processor, processor.lower())}"
+    if target == describe_machine():
         return None
     bits = " (32 bits)" if header.is_32 else ""
     return LoadFailure(
-        f"is for {found}{bits}, but this machine is {describe_machine()}",
+        f"is for {target}{bits}, but this machine is {describe_machine()}",
         "Export the FMU for this platform.",
     )
 
@@ -138,16 +138,16 @@ def _diagnose_versions(binary: Any, text: str) -> LoadFailure | None:
     """Diagnose a library that needs newer versions of system libraries."""
     if (match := _VERSION.search(text)) is None:
         return None
-    holder, needed = match[1], max(_versions_like(binary, match[2]), key=_as_numbers)
+    holder, needed = match[1], max(_list_versions_of_family(binary, match[2]), key=_parse_version)
     family, _, number = needed.rpartition("_")
     if family == "GLIBC":
-        own = ""
+        glibc_here = ""
         with suppress(OSError, ValueError, AttributeError, IndexError):  # systems without glibc
-            own = f"; this machine has {(os.confstr('CS_GNU_LIBC_VERSION') or '').split()[-1]}"
+            glibc_here = f"; this machine has {(os.confstr('CS_GNU_LIBC_VERSION') or '').split()[-1]}"
         systems = find_system_with_glibc(number)
         newer = f"{systems} or newer" if systems else "a newer system"
         return LoadFailure(
-            f"needs glibc {number} ({needed}){own}",
+            f"needs glibc {number} ({needed}){glibc_here}",
             f"Run it on {newer}, also in a container, or build the FMU on an older system.",
         )
     compiler = find_version_of_gcc(needed)
@@ -158,7 +158,7 @@ def _diagnose_versions(binary: Any, text: str) -> LoadFailure | None:
     )
 
 
-def _versions_like(binary: Any, needed: str) -> Iterator[str]:
+def _list_versions_of_family(binary: Any, needed: str) -> Iterator[str]:
     """Yield all versions of the same family that a library needs; the loader names only the first."""
     yield needed
     for requirement in getattr(binary, "symbols_version_requirement", ()):
@@ -166,23 +166,25 @@ def _versions_like(binary: Any, needed: str) -> Iterator[str]:
         yield from (n for n in names if n.rpartition("_")[0] == needed.rpartition("_")[0])
 
 
-def _as_numbers(version: str) -> tuple[int, ...]:
+def _parse_version(version: str) -> tuple[int, ...]:
     return tuple(int(word) for word in re.findall(r"\d+", version))
 
 
 def _diagnose_missing(library: Path, binary: Any, text: str) -> LoadFailure | None:
     """Diagnose libraries that this machine lacks."""
-    first = [name for m in _NO_FILE.finditer(text) if (name := m[1] or m[2])]
-    first = [name for name in first if name != library.name]
-    if not first and sys.platform != "win32":  # Windows does not name it
+    reported = [name for m in _NO_FILE.finditer(text) if (name := m[1] or m[2])]
+    reported = [name for name in reported if name != library.name]
+    if not reported and sys.platform != "win32":  # Windows does not name it
         return None
-    others = [name for name in _list_needed(binary) if name not in first and _is_missing(library, name)]
-    if not (missing := [*first, *others]):
+    unreported = [
+        name for name in _list_needed(binary) if name not in reported and _is_missing(library, name)
+    ]
+    if not (missing := [*reported, *unreported]):
         return None
-    beside = [name for name in missing if (library.parent / name).is_file()]
-    if beside:
+    in_same_folder = [name for name in missing if (library.parent / name).is_file()]
+    if in_same_folder:
         return LoadFailure(
-            f"does not find {join_names(beside)}, although it is in the same folder",
+            f"does not find {join_names(in_same_folder)}, although it is in the same folder",
             "Report it to the exporter: it needs the RPATH $ORIGIN. Until then, set LD_LIBRARY_PATH.",
         )
     sources = {name: find_source(name) for name in missing}
@@ -219,9 +221,9 @@ def _diagnose_symbol(text: str) -> LoadFailure | None:
             f"does not export {name}", "Report it to the exporter: the standard requires all functions."
         )
     if _PYTHON_SYMBOL.fullmatch(name):
-        own = f"{sys.version_info.major}.{sys.version_info.minor}"
+        version = f"{sys.version_info.major}.{sys.version_info.minor}"
         return LoadFailure(
-            f"needs {name} of another version of Python than {own}",
+            f"needs {name} of another version of Python than {version}",
             "Run emla with the version of Python for which the FMU was exported.",
         )
     return LoadFailure(

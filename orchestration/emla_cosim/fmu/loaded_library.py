@@ -63,12 +63,12 @@ class LoadedLibrary:
     the functions.
     """
 
-    _loaded: ClassVar[dict[Path, "LoadedLibrary"]] = {}
+    _libraries: ClassVar[dict[Path, "LoadedLibrary"]] = {}
 
     def __init__(self, file: FmuFile) -> None:
         self._path = file.library
         guid, version = file.description.guid, str(file.description.fmiVersion)
-        self._bound = load(file.kind, file.library, file.folder, file.model_identifier, guid, version)
+        self._fmpy_object = load(file.kind, file.library, file.folder, file.model_identifier, guid, version)
         self.is_version_3 = is_version_3(file.description)
         self._prefix = "fmi3" if self.is_version_3 else "fmi2"
         types = {**_PROTOTYPES, **_OF_KIND[file.kind]}
@@ -76,16 +76,16 @@ class LoadedLibrary:
             types = {**version_3.PROTOTYPES, **version_3.OF_KIND[file.kind]}
         types |= _OF_BOTH_VERSIONS[file.kind]
         if file.has_capability("providesDirectionalDerivative") and hasattr(
-            self._bound.dll, self._c_name(DERIVATIVE)
+            self._fmpy_object.dll, self._c_name(DERIVATIVE)
         ):
-            own = version_3.DERIVATIVE_TYPES if self.is_version_3 else _DERIVATIVE_TYPES
-            types = {**types, DERIVATIVE: own}
+            derivative_types = version_3.DERIVATIVE_TYPES if self.is_version_3 else _DERIVATIVE_TYPES
+            types = {**types, DERIVATIVE: derivative_types}
         self.functions: Mapping[str, Any] = {n: self._function(n, t) for n, t in types.items()}
         self.addresses = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in self.functions.items()}
         if BOOLEAN_STATUS not in self.addresses:
-            status = getattr(self._bound.dll, self._c_name(BOOLEAN_STATUS), None)
+            status = getattr(self._fmpy_object.dll, self._c_name(BOOLEAN_STATUS), None)
             self.addresses[BOOLEAN_STATUS] = ctypes.cast(status, _POINTER).value or 0 if status else 0
-        self._inside = 0
+        self._instance_count = 0
 
     @classmethod
     def entered(cls, file: FmuFile) -> "LoadedLibrary":
@@ -94,10 +94,10 @@ class LoadedLibrary:
         Raises:
             CommandError: If the library cannot be loaded, or the FMU does not allow another instance.
         """
-        library = cls._loaded.get(file.library)
+        library = cls._libraries.get(file.library)
         if library is None:
             try:
-                library = cls._loaded[file.library] = cls(file)
+                library = cls._libraries[file.library] = cls(file)
             except Exception as error:  # fmpy raises bare ones
                 if find_left_exception(error) is not None:
                     raise
@@ -109,24 +109,24 @@ class LoadedLibrary:
                 "it allows one instance per process, and this process already has one. "
                 "Use `isolate` to run a component in a process of its own."
             )
-        library._inside += 1
+        library._instance_count += 1
         return library
 
     def calls_of(self, instance: FmiInstance) -> Any:
         """Return fmpy's object for an instance; nothing is called yet."""
-        made = copy.copy(self._bound)  # instances differ in name, callbacks and address
-        made.instance, made.instanceName = instance, instance.name
-        return made
+        calls = copy.copy(self._fmpy_object)  # instances differ in name, callbacks and address
+        calls.instance, calls.instanceName = instance, instance.name
+        return calls
 
     def leave(self) -> None:
         """Release the library for one instance; the last release unloads it."""
-        self._inside -= 1
-        if not self._inside:
-            del self._loaded[self._path]
-            self._bound.freeLibrary()
+        self._instance_count -= 1
+        if not self._instance_count:
+            del self._libraries[self._path]
+            self._fmpy_object.freeLibrary()
 
     def _function(self, name: str, argument_types: tuple[Any, ...]) -> Any:
-        function = self._bound.dll[self._c_name(name)]
+        function = self._fmpy_object.dll[self._c_name(name)]
         function.argtypes, function.restype = argument_types, ctypes.c_int
         return function
 

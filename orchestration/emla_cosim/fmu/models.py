@@ -218,7 +218,7 @@ def _build(
 
         draft = draft_of(recipe)
         key = draft.key
-    path = _place(recipe, key, folder)
+    path = _choose_path(recipe, key, folder)
     if _is_current(read_built(path), recipe, key, platforms):
         return path
     prebuilt = find_prebuilt(*_cache_parts(recipe, key))
@@ -239,22 +239,22 @@ def _build(
                 return path
             from fmublock.building import draft_of, write_fmu
 
-            wanted = platforms or sorted({host_platform(), *(built.platforms & set(PLATFORMS))})
-            write_fmu(draft or draft_of(recipe), key, recipe.flavour, wanted, path, advance, check)
+            needed = platforms or sorted({host_platform(), *(built.platforms & set(PLATFORMS))})
+            write_fmu(draft or draft_of(recipe), key, recipe.flavour, needed, path, advance, check)
     return path
 
 
 def _is_current(built: BuiltFmu, recipe: Recipe, key: str, platforms: Sequence[str]) -> bool:
-    wanted = platforms or (host_platform(),)
-    return built.key == key and (recipe.flavour != "native" or built.platforms.issuperset(wanted))
+    needed = platforms or (host_platform(),)
+    return built.key == key and (recipe.flavour != "native" or built.platforms.issuperset(needed))
 
 
-def _place(recipe: Recipe, key: str, folder: Path | None) -> Path:
+def _choose_path(recipe: Recipe, key: str, folder: Path | None) -> Path:
     if folder is not None:
         return fmu_path(recipe.model, recipe.flavour, folder)
-    here = fmu_path(recipe.model, recipe.flavour, FMU_FOLDER)
-    if here.is_file():
-        return here
+    local_path = fmu_path(recipe.model, recipe.flavour, FMU_FOLDER)
+    if local_path.is_file():
+        return local_path
     return cache_folder().joinpath(*_cache_parts(recipe, key))
 
 

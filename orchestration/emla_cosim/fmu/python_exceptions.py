@@ -52,8 +52,8 @@ def describe_left_exception(error: BaseException) -> str:
     Args:
         error: What ctypes raised.
     """
-    left = find_left_exception(error) or error
-    return shorten_line(traceback.format_exception_only(left)[-1].rstrip().rstrip("."), _LONGEST)
+    exception = find_left_exception(error) or error
+    return shorten_line(traceback.format_exception_only(exception)[-1].rstrip().rstrip("."), _LONGEST)
 
 
 def uses_python(library: Path) -> bool:

@@ -10,7 +10,7 @@ _HEADER = struct.Struct("<32xQ14xHH6x")
 """The fields of the file header: the offset of the segment table, the size of an entry, and their number."""
 _SEGMENT = struct.Struct("<I4xQ16xQ16x")
 """The fields of a segment: its type, its offset in the file, and its size there."""
-_LOADED = 1
+_LOADED_TYPE = 1
 
 
 def find_library(folder: Path, identifier: str) -> Path | None:
@@ -74,6 +74,6 @@ def missing_bytes(path: Path) -> int:
             return 0
         stream.seek(min(table, path.stat().st_size))
         segments = stream.read(width * count)
-    whole = segments[: len(segments) // width * width]
-    ends = [place + length for kind, place, length in _SEGMENT.iter_unpack(whole) if kind == _LOADED]
+    entries = segments[: len(segments) // width * width]
+    ends = [offset + length for kind, offset, length in _SEGMENT.iter_unpack(entries) if kind == _LOADED_TYPE]
     return max(max(ends, default=0) - path.stat().st_size, 0)

@@ -20,7 +20,7 @@ def convert_structure(component: str, interface: Interface, values: Mapping[str,
     Raises:
         CommandError: If a structural parameter does not accept its value.
     """
-    found = {}
+    changed = {}
     for name, value in values.items():
         if name not in interface.variables or not interface.is_structural(name):
             continue
@@ -33,8 +33,8 @@ def convert_structure(component: str, interface: Interface, values: Mapping[str,
                 variable=name,
             )
         if number != convert_start_value(component, interface, variable, variable.start):
-            found[name] = number
-    return found
+            changed[name] = number
+    return changed
 
 
 def complete_start_values(
@@ -59,7 +59,7 @@ def complete_start_values(
     for name, variable in interface.variables.items():
         if isinstance(variable, ElementVariable) and variable.is_resized and interface.is_settable(name):
             arrays.setdefault(int(variable.valueReference), []).append(variable)
-    found = list(values)
+    completed = list(values)
     for elements in arrays.values():
         first, missing = elements[0], [v for v in elements if v.name not in present]
         if missing and first.start is None:
@@ -70,5 +70,5 @@ def complete_start_values(
                 variable=missing[0].name,
             )
         if len(missing) == len(elements):  # one element sets the array, the others have the same start value
-            found.append((first, convert_start_value(component, interface, first, first.start)))
-    return found
+            completed.append((first, convert_start_value(component, interface, first, first.start)))
+    return completed

@@ -22,7 +22,7 @@ class FmuUnits:
     def __init__(self, description: ModelDescription, inverse: Collection[str]) -> None:
         self._definitions = {str(u.name): u for u in description.unitDefinitions}
         self._inverse = inverse
-        self._found: dict[str, SiUnit] = {}
+        self._units: dict[str, SiUnit] = {}
         self._definer = f"the UnitDefinitions of the FMU '{description.modelName}'"
 
     @cached_property
@@ -41,11 +41,11 @@ class FmuUnits:
         It has no exponents if the FMU does not define it. Of display units with the same name, its own have
         precedence.
         """
-        if name not in self._found:
+        if name not in self._units:
             unit = self.by_name.get(name) or self._unit(name, None)
             alternatives = self.everything | self._displayed.get(name, {})
-            self._found[name] = replace(unit, alternatives=alternatives)
-        return self._found[name]
+            self._units[name] = replace(unit, alternatives=alternatives)
+        return self._units[name]
 
     def _unit(self, name: str, base: Any) -> SiUnit:
         if base is None:

@@ -61,11 +61,11 @@ def _check_name(entry: zipfile.ZipInfo) -> None:
 
 def _copy(source: IO[bytes], target: IO[bytes], entry: zipfile.ZipInfo) -> None:
     """Copy an entry; raise UnsafeArchiveError if its size differs from that in the directory."""
-    left = entry.file_size
+    remaining = entry.file_size
     while block := source.read(_BLOCK):
-        left -= len(block)
-        if left < 0:
+        remaining -= len(block)
+        if remaining < 0:
             raise UnsafeArchiveError(f"has the entry '{entry.filename}', which is longer than it says")
         target.write(block)
-    if left:
+    if remaining:
         raise UnsafeArchiveError(f"has the entry '{entry.filename}', which is shorter than it says")

@@ -28,11 +28,11 @@ def convert_start_values(component: str, interface: Interface, values: Mapping[s
     Raises:
         CommandError: If a variable does not exist, or does not accept the value.
     """
-    found = []
+    converted = []
     for name, value in values.items():
         variable = find_variable(component, interface.variables, name)
-        found.append((variable, convert_start_value(component, interface, variable, value)))
-    return found
+        converted.append((variable, convert_start_value(component, interface, variable, value)))
+    return converted
 
 
 def find_variable(component: str, variables: Mapping[str, ModelVariable], name: str) -> ModelVariable:
@@ -58,9 +58,9 @@ def find_variable(component: str, variables: Mapping[str, ModelVariable], name: 
             near=elements[:1],
         )
     near = difflib.get_close_matches(name, variables, n=3, cutoff=0.5)
-    meant = f"; did you mean {' or '.join(near)}?" if near else "."
+    suggestion = f"; did you mean {' or '.join(near)}?" if near else "."
     raise CommandError(
-        f"{component} has no variable '{name}'{meant}", component=component, variable=name, near=near
+        f"{component} has no variable '{name}'{suggestion}", component=component, variable=name, near=near
     )
 
 
@@ -108,7 +108,7 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
     if variable.type == "String":
         return str(value)
     if variable.type == "Enumeration":
-        return _enumeration(name, variable, value)
+        return _convert_enumeration(name, variable, value)
     if variable.type == "Boolean":
         booleans = {"true": True, "1": True, "false": False, "0": False}
         if str(value).lower() not in booleans:
@@ -149,15 +149,15 @@ def format_value(variable: ModelVariable, value: Any) -> Any:
     return names.get(value, value) if variable.type == "Enumeration" else value
 
 
-def _enumeration(name: str, variable: ModelVariable, value: Any) -> int:
+def _convert_enumeration(name: str, variable: ModelVariable, value: Any) -> int:
     items = _items(variable)
     if str(value) in items:
         return items[str(value)]
     text = str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
     if text in {str(v) for v in items.values()}:
         return int(text)
-    known = ", ".join(f"{item} ({number})" for item, number in items.items())
-    raise CommandError(f"{name} = {value} is not one of {known}.")
+    options = ", ".join(f"{item} ({number})" for item, number in items.items())
+    raise CommandError(f"{name} = {value} is not one of {options}.")
 
 
 def _items(variable: ModelVariable) -> dict[str, int]:

@@ -103,8 +103,8 @@ class Slave3(FMU3Slave):
     def deSerializeFMUstate(self, content: bytes) -> Any:
         """Return a state from its bytes."""
         state = ctypes.c_void_p()
-        memory = (ctypes.c_uint8 * len(content)).from_buffer_copy(content)
-        self.fmi3DeserializeFMUState(self.component, memory, len(content), ctypes.byref(state))
+        buffer = (ctypes.c_uint8 * len(content)).from_buffer_copy(content)
+        self.fmi3DeserializeFMUState(self.component, buffer, len(content), ctypes.byref(state))
         return state
 
     def fmi2SetString(self, component: Any, references: Any, count: int, texts: Any) -> int:
@@ -121,10 +121,10 @@ class Slave3(FMU3Slave):
     def getBoolean(self, vr: Sequence[int], nValues: int | None = None) -> list[int]:
         """Return Booleans as numbers, which need not be 0 or 1."""
         references, count = (ctypes.c_uint32 * len(vr))(*vr), nValues or len(vr)
-        found = (ctypes.c_uint8 * count)()
-        place = ctypes.cast(found, ctypes.POINTER(ctypes.c_bool))
-        self.fmi3GetBoolean(self.component, references, len(vr), place, count)
-        return list(found)
+        values = (ctypes.c_uint8 * count)()
+        pointer = ctypes.cast(values, ctypes.POINTER(ctypes.c_bool))
+        self.fmi3GetBoolean(self.component, references, len(vr), pointer, count)
+        return list(values)
 
     def newDiscreteStates(self) -> Any:
         """Update the discrete states."""
@@ -142,8 +142,8 @@ class Model3(Slave3, FMU3Model):  # pyright: ignore[reportIncompatibleMethodOver
         def instantiate(*arguments: Any) -> Any:
             return self.fmi3InstantiateModelExchange(*arguments[:5], *arguments[9:11])
 
-        made: Any = self
-        made.fmi3InstantiateCoSimulation = instantiate
+        calls: Any = self
+        calls.fmi3InstantiateCoSimulation = instantiate
         super().instantiate(callbacks, loggingOn)
 
     def getDerivatives(self, derivatives: Any, count: int) -> int:
@@ -162,5 +162,5 @@ def short_functions(functions: dict[str, Any], end: StepEnd) -> dict[str, Any]:
     def do_step(component: Any, *step: Any) -> int:
         return end.call(functions["doStep"], component, *step)
 
-    renamed = {short: functions[name] for short, name in _NAMES.items() if name in functions}
+    renamed = {fmi_2_name: functions[name] for fmi_2_name, name in _NAMES.items() if name in functions}
     return {**functions, **renamed, "doStep": do_step}

@@ -108,7 +108,7 @@ def _read_parameter_set(
         if parameter.array is not None and not component.aliases:
             target = f"{component.name}.{array}"
             if differ := explain_shape(parameter, array, interface.variables, target):
-                raise CommandError(f"{parameter.place}: {differ}")
+                raise CommandError(f"{parameter.location}: {differ}")
         unit = interface.unit(name) if name in interface.variables else None
         if name in component.aliases:
             unit = component.aliases[name].unit

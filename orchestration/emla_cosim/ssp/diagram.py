@@ -8,14 +8,14 @@ from ..system.model import Connection
 from .documents.ssd_data import Connector, Element, SsdConnection, SystemElement
 from .writer.layout import add_coordinates
 
-_MOST, _MOST_ALONE = 24, 100
+_MOST_BOXES, _MOST_BOXES_OF_PART = 24, 100
 """Most boxes in one diagram. Parts of a larger system have diagrams of their own."""
 
 _MOST_DIAGRAMS = 40
 
 _COLORS = ("blue", "orange", "green", "red", "purple", "grey")
 _MARGIN = 4.0
-_LETTER, _SMALL = 0.62, 2.6
+_LETTER_WIDTH, _LABEL_HEIGHT = 0.62, 2.6
 """Width of a letter relative to its height, and the height of labels in mm."""
 
 
@@ -40,7 +40,7 @@ class Box:
     name: str
     letters: float
     color: str
-    told: str
+    tooltip: str
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class DiagramLine:
     label: str
     x: float
     y: float
-    told: str
+    tooltip: str
 
 
 @dataclass(frozen=True)
@@ -75,14 +75,14 @@ def link_components(connections: Iterable[Connection]) -> list[ComponentLink]:
 
 def group_connections(components: Iterable[str], connections: Sequence[str]) -> list[ComponentLink]:
     """Return the connections in run.json between these components, without invalid entries."""
-    known = sorted(components, key=len, reverse=True)
-    found: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    longest_first = sorted(components, key=len, reverse=True)
+    signals_by_ends: dict[tuple[str, str], list[tuple[str, str]]] = {}
     for text in connections:
         source, _, target = text.partition(" -> ")
-        a, b = _split(source, known), _split(target.partition(" ")[0], known)
+        a, b = _split(source, longest_first), _split(target.partition(" ")[0], longest_first)
         if a is not None and b is not None:
-            found.setdefault((a[0], b[0]), []).append((a[1], b[1]))
-    return [ComponentLink(a, b, tuple(signals)) for (a, b), signals in found.items()]
+            signals_by_ends.setdefault((a[0], b[0]), []).append((a[1], b[1]))
+    return [ComponentLink(a, b, tuple(signals)) for (a, b), signals in signals_by_ends.items()]
 
 
 def _split(path: str, components: Sequence[str]) -> tuple[str, str] | None:
@@ -98,51 +98,53 @@ def build_diagrams(components: Mapping[str, str], wires: Sequence[ComponentLink]
     parts are too many to show.
     """
     parts: dict[str, dict[str, str]] = {}
-    for name, told in components.items():
-        parts.setdefault(name.partition(".")[0], {})[name] = told
-    if 0 < len(components) <= (_MOST if len(parts) < len(components) else _MOST_ALONE):
-        return [_diagram("", components, wires)]
-    made = []
-    if 0 < len(parts) <= _MOST:
-        told = {part: format_count(len(inside), "component") for part, inside in parts.items()}
-        made.append(_diagram("Overview", told, _between(wires)))
+    for name, tooltip in components.items():
+        parts.setdefault(name.partition(".")[0], {})[name] = tooltip
+    if 0 < len(components) <= (_MOST_BOXES if len(parts) < len(components) else _MOST_BOXES_OF_PART):
+        return [_build_diagram("", components, wires)]
+    diagrams = []
+    if 0 < len(parts) <= _MOST_BOXES:
+        tooltip = {part: format_count(len(inside), "component") for part, inside in parts.items()}
+        diagrams.append(_build_diagram("Overview", tooltip, _link_parts(wires)))
     for part, inside in list(parts.items())[:_MOST_DIAGRAMS]:
-        if 1 < len(inside) <= _MOST_ALONE:
-            made.append(_diagram(part, inside, [w for w in wires if {w.source, w.target} <= set(inside)]))
-    return made
+        if 1 < len(inside) <= _MOST_BOXES_OF_PART:
+            diagrams.append(
+                _build_diagram(part, inside, [w for w in wires if {w.source, w.target} <= set(inside)])
+            )
+    return diagrams
 
 
-def _between(wires: Iterable[ComponentLink]) -> list[ComponentLink]:
+def _link_parts(wires: Iterable[ComponentLink]) -> list[ComponentLink]:
     """Return the connections between parts."""
-    found: dict[tuple[str, str], tuple[tuple[str, str], ...]] = {}
+    signals_by_parts: dict[tuple[str, str], tuple[tuple[str, str], ...]] = {}
     for wire in wires:
         ends = wire.source.partition(".")[0], wire.target.partition(".")[0]
         if ends[0] != ends[1]:
-            found[ends] = found.get(ends, ()) + wire.signals
-    return [ComponentLink(*ends, signals) for ends, signals in found.items()]
+            signals_by_parts[ends] = signals_by_parts.get(ends, ()) + wire.signals
+    return [ComponentLink(*ends, signals) for ends, signals in signals_by_parts.items()]
 
 
-def _diagram(title: str, components: Mapping[str, str], wires: Sequence[ComponentLink]) -> Diagram:
-    system = add_coordinates(_structure(components, wires))
+def _build_diagram(title: str, components: Mapping[str, str], wires: Sequence[ComponentLink]) -> Diagram:
+    system = add_coordinates(_build_structure(components, wires))
     elements = {e.name: e for e in system.elements}
     kinds = list(dict.fromkeys(name.rpartition(".")[2] for name in components))
     colors = {n: _COLORS[kinds.index(n.rpartition(".")[2]) % len(_COLORS)] for n in components}
-    boxes = tuple(_box(e, components[name], colors[name]) for name, e in elements.items())
+    boxes = tuple(_build_box(e, components[name], colors[name]) for name, e in elements.items())
     lines = tuple(
-        _line(c, wire, elements, colors[wire.source])
+        _build_line(c, wire, elements, colors[wire.source])
         for c, wire in zip(system.connections, wires, strict=True)
     )
     xs = [x for b in boxes for x in (b.x, b.x + b.width)]
     ys = [y for b in boxes for y in (b.y, b.y + b.height)]
-    xs += [line.x + _LETTER * _SMALL * len(line.label) for line in lines]
+    xs += [line.x + _LETTER_WIDTH * _LABEL_HEIGHT * len(line.label) for line in lines]
     for connection in system.connections:
         xs += [x for x, _ in connection.waypoints]
         ys += [-y for _, y in connection.waypoints]
-    left, top = min(xs) - _MARGIN, min(ys) - _MARGIN
-    return Diagram(title, boxes, lines, (left, top, max(xs) + _MARGIN - left, max(ys) + _MARGIN - top))
+    x_min, y_min = min(xs) - _MARGIN, min(ys) - _MARGIN
+    return Diagram(title, boxes, lines, (x_min, y_min, max(xs) + _MARGIN - x_min, max(ys) + _MARGIN - y_min))
 
 
-def _structure(components: Mapping[str, str], wires: Sequence[ComponentLink]) -> SystemElement:
+def _build_structure(components: Mapping[str, str], wires: Sequence[ComponentLink]) -> SystemElement:
     """Return the system with one connector for each end of a link at a component."""
     ends: dict[str, list[Connector]] = {name: [] for name in components}
     for wire in wires:
@@ -150,35 +152,35 @@ def _structure(components: Mapping[str, str], wires: Sequence[ComponentLink]) ->
         ends[wire.target].append(Connector(f"from {wire.source}", "input"))
     return SystemElement(
         "",
-        elements=tuple(Element(name, tuple(found)) for name, found in ends.items()),
+        elements=tuple(Element(name, tuple(connectors)) for name, connectors in ends.items()),
         connections=tuple(
             SsdConnection(w.source, f"to {w.target}", w.target, f"from {w.source}") for w in wires
         ),
     )
 
 
-def _box(element: Element, told: str, color: str) -> Box:
+def _build_box(element: Element, tooltip: str, color: str) -> Box:
     x1, y1, x2, y2 = element.extent or (0.0, 0.0, 0.0, 0.0)
     above, _, name = element.name.rpartition(".")
-    letters = min(4.2, (x2 - x1 - 4.0) / (_LETTER * max(len(name), 1)))
-    return Box(x1, -y2, x2 - x1, y2 - y1, above, name, max(letters, 1.0), color, f"{element.name}: {told}")
+    letters = min(4.2, (x2 - x1 - 4.0) / (_LETTER_WIDTH * max(len(name), 1)))
+    return Box(x1, -y2, x2 - x1, y2 - y1, above, name, max(letters, 1.0), color, f"{element.name}: {tooltip}")
 
 
-def _line(
+def _build_line(
     connection: SsdConnection, wire: ComponentLink, elements: Mapping[str, Element], color: str
 ) -> DiagramLine:
-    start = _point(elements[wire.source], connection.start_connector)
-    end = _point(elements[wire.target], connection.end_connector)
+    start = _locate_connector(elements[wire.source], connection.start_connector)
+    end = _locate_connector(elements[wire.target], connection.end_connector)
     points = [start, *connection.waypoints, end]
     path = "M" + "L".join(f"{x:.1f} {-y:.1f}" for x, y in points)
     outputs = list(dict.fromkeys(output for output, _ in wire.signals))
     label = ", ".join(outputs) if len(", ".join(outputs)) <= 14 else format_count(len(outputs), "signal")
-    told = "\n".join(f"{wire.source}.{a} → {wire.target}.{b}" for a, b in wire.signals[:40])
-    return DiagramLine(path, color, label, start[0] + 1.0, -start[1] - 0.9, told)
+    tooltip = "\n".join(f"{wire.source}.{a} → {wire.target}.{b}" for a, b in wire.signals[:40])
+    return DiagramLine(path, color, label, start[0] + 1.0, -start[1] - 0.9, tooltip)
 
 
-def _point(element: Element, connector: str) -> tuple[float, float]:
+def _locate_connector(element: Element, name: str) -> tuple[float, float]:
     x1, y1, x2, y2 = element.extent or (0.0, 0.0, 0.0, 0.0)
-    found = next(c for c in element.connectors if c.name == connector)
-    x, y = found.position or (0.0, 0.0)
+    connector = next(c for c in element.connectors if c.name == name)
+    x, y = connector.position or (0.0, 0.0)
     return x1 + x * (x2 - x1), y1 + y * (y2 - y1)

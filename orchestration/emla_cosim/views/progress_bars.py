@@ -79,7 +79,9 @@ class BarProgress(Progress):
             table.add_column(column)
         for match in fit.matches:
             style = "bold red" if match.fatal else "yellow" if match.verdict in _WORTH_A_LOOK else ""
-            table.add_row(*map(escape, (match.kind, match.ours, match.theirs, match.verdict)), style=style)
+            table.add_row(
+                *map(escape, (match.kind, match.original, match.replacement, match.verdict)), style=style
+            )
         if fit.same:
             table.add_row("", f"{fit.same} more", "", "same name and unit")
         self._bars.console.print(table)

@@ -206,7 +206,7 @@ def test_pool_replaces_members(pool: ChildPool) -> None:
         fourth.receive()
 
 
-def test_member_alone_replaces_an_idle_one_and_ends() -> None:
+def test_child_used_once_replaces_an_idle_one_and_ends() -> None:
     started = list[Child]()
 
     def start() -> Child:
@@ -215,7 +215,7 @@ def test_member_alone_replaces_an_idle_one_and_ends() -> None:
 
     pool = ChildPool(start, count=2)
     assert len(started) == 2
-    with pool.member(alone=True) as alone:
+    with pool.member(use_once=True) as alone:
         assert alone is started[2]
         assert [child.is_alive() for child in started] == [True, False, True]
     assert not alone.is_alive()

@@ -85,7 +85,7 @@ def test_the_library_is_unloaded_with_the_last_instance(
         for slave in others:
             slave.close()
     assert len(unloaded) == 1
-    assert library not in LoadedLibrary._loaded
+    assert library not in LoadedLibrary._libraries
 
 
 def test_an_instance_that_cannot_be_made_leaves_nothing_of_the_others(
@@ -102,12 +102,12 @@ def test_an_instance_that_cannot_be_made_leaves_nothing_of_the_others(
         instantiate(slave, **given)
 
     monkeypatch.setattr(FMU2Slave, "instantiate", refusing)
-    loaded = set(LoadedLibrary._loaded)
+    loaded = set(LoadedLibrary._libraries)
     with pytest.raises(CommandError, match=r"of j\.f2 cannot be started: no more"):
         open_system(five(faulty_fmu)).__enter__()
     assert counts[0].instances == 0
     assert len(unloaded) == 1
-    assert set(LoadedLibrary._loaded) == loaded
+    assert set(LoadedLibrary._libraries) == loaded
 
 
 @pytest.mark.parametrize("isolate", mostly_slow([[], ["j.f1"]], [[]]))

@@ -41,12 +41,12 @@ class Tube:
         first = np.searchsorted(reference_time, low, side="left")
         last = np.searchsorted(reference_time, high, side="right")
         lower, upper = np.minimum(at_low, at_high), np.maximum(at_low, at_high)
-        some = last > first  # the reference has points within the tube's time
-        pairs = np.column_stack([first[some], last[some]]).ravel()
+        has_points = last > first  # the reference has points within the tube's time
+        pairs = np.column_stack([first[has_points], last[has_points]]).ravel()
         padded = np.append(reference, np.nan)  # so that `last` is a valid index
-        if some.any():
-            lower[some] = np.minimum(lower[some], np.fmin.reduceat(padded, pairs)[::2])
-            upper[some] = np.maximum(upper[some], np.fmax.reduceat(padded, pairs)[::2])
+        if has_points.any():
+            lower[has_points] = np.minimum(lower[has_points], np.fmin.reduceat(padded, pairs)[::2])
+            upper[has_points] = np.maximum(upper[has_points], np.fmax.reduceat(padded, pairs)[::2])
         return lower, upper
 
 
@@ -101,11 +101,11 @@ def find_tolerance(signal: str, tolerances: Mapping[str, Tolerance]) -> Toleranc
         signal: Name of the signal.
         tolerances: Tolerances by name or pattern. Later entries override earlier ones, except for None.
     """
-    found: dict[str, float] = {}
+    parts: dict[str, float] = {}
     for pattern, tolerance in tolerances.items():
         if matches_pattern(signal, pattern):
-            found |= {name: value for name, value in vars(tolerance).items() if value is not None}
-    return Tolerance(**found)
+            parts |= {name: value for name, value in vars(tolerance).items() if value is not None}
+    return Tolerance(**parts)
 
 
 def read_tolerances(texts: Sequence[str]) -> dict[str, Tolerance]:
@@ -121,22 +121,22 @@ def read_tolerances(texts: Sequence[str]) -> dict[str, Tolerance]:
     Raises:
         CommandError: A text has another form.
     """
-    return dict(map(_read, texts))
+    return dict(map(_read_tolerance, texts))
 
 
-def _read(text: str) -> tuple[str, Tolerance]:
+def _read_tolerance(text: str) -> tuple[str, Tolerance]:
     pattern, equals, value = text.rpartition("=")
-    known = [part.name for part in fields(Tolerance)]
-    found: dict[str, float] = {}
+    allowed = [part.name for part in fields(Tolerance)]
+    parts: dict[str, float] = {}
     for part in value.split(","):
         name, colon, number = part.rpartition(":")
         try:
-            found[name.strip() if colon else known[0]] = float(number)
+            parts[name.strip() if colon else allowed[0]] = float(number)
         except ValueError:
-            found[""] = 0.0
-    if (equals and not pattern) or not found.keys() <= set(known):
+            parts[""] = 0.0
+    if (equals and not pattern) or not parts.keys() <= set(allowed):
         raise CommandError(
             f"--tolerance {text} cannot be read. Write NUMBER, SIGNAL=NUMBER or "
             "SIGNAL=relative:NUMBER,absolute:NUMBER,time:NUMBER."
         )
-    return pattern.strip() or "*", Tolerance(**found)
+    return pattern.strip() or "*", Tolerance(**parts)

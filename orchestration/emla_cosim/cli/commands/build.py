@@ -9,7 +9,7 @@ from typing import Any
 from fmublock import Block
 
 from ...base.errors import CommandError
-from ...base.option import BUILD, OTHERS, argument, option, switch
+from ...base.option import BUILD, OTHER_OPTIONS, argument, option, switch
 from ...fmu.models import (
     FLAVOURS,
     FMI_VERSIONS,
@@ -42,7 +42,7 @@ EXAMPLES = (
     "emla build measured.csv:interpolation=held --output data",
 )
 
-_other = partial(option, group=OTHERS)
+_other = partial(option, group=OTHER_OPTIONS)
 _supply = partial(option, group=_SUPPLY)
 
 

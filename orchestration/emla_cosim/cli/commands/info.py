@@ -13,7 +13,7 @@ from rich.text import Text
 
 from ...base.errors import CommandError
 from ...base.files import check_output_files, report_write_errors
-from ...base.option import INFO, OTHERS, option
+from ...base.option import INFO, OTHER_OPTIONS, option
 from ...base.output_files import OutputFile
 from ...inspection.collector import info
 from ...inspection.display_rows import LONGEST, DisplayRow, build_display_rows, format_line, list_fmu_facts
@@ -51,19 +51,19 @@ class Parameters:
         [],
         help="Variables to show: a pattern of names with *, or a word in names or descriptions (repeatable).",
         metavar="PATTERN",
-        group=OTHERS,
+        group=OTHER_OPTIONS,
     )
     json: Path | None = option(
         help="Write JSON to a file, or show it if no file follows.",
         metavar="[FILE]",
         alone=_SCREEN,
-        group=OTHERS,
+        group=OTHER_OPTIONS,
     )
     pictures: Path | None = option(
         help="Write pictures of the machine to a folder: machine.png with the reach of its tip, and "
         "forces.png and levers.png over the strokes.",
         metavar="FOLDER",
-        group=OTHERS,
+        group=OTHER_OPTIONS,
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...base.errors import CommandError
 from ...base.files import check_output_files
-from ...base.option import OTHERS, PLOT, argument, option
+from ...base.option import OTHER_OPTIONS, PLOT, argument, option
 from ...base.output_files import OutputFile
 from ...recorders.registry import TABLES
 from ...run.plot_formats import PLOT_FORMATS
@@ -22,7 +22,7 @@ register()
 
 OPTIONS = PLOT
 
-_other = partial(option, group=OTHERS)
+_other = partial(option, group=OTHER_OPTIONS)
 
 
 @dataclass(frozen=True)

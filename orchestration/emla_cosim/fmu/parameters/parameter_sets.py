@@ -45,7 +45,7 @@ class SsvParameter:
     """A named value; `type` is the SSV element, such as Real.
 
     Elements of an array are parameters of their own, such as `x[1,2]`, in the order of the standard.
-    `array` says what they are elements of. `place` is the file and line for error messages.
+    `array` says what they are elements of. `location` is the file and line for error messages.
     """
 
     name: str
@@ -53,7 +53,7 @@ class SsvParameter:
     value: float | int | bool | str
     unit: SiUnit | None = None
     array: ParameterArray | None = None
-    place: str = field(default="", compare=False)
+    location: str = field(default="", compare=False)
 
     @property
     def document_name(self) -> str:
@@ -96,51 +96,52 @@ def read_parameter_set(root: XmlElement, where: str) -> ParameterSet:
     units = read_units(root, "ssv", where)
     parameters: dict[str, SsvParameter] = {}
     for element in children(root, "ssv:Parameters", "ssv:Parameter"):
-        for found in _read_parameter(element, units, where):
-            if found.name in parameters:
-                _accept_second(found, parameters[found.name], where, element.sourceline)
-            parameters[found.name] = found
+        for parameter in _read_parameter(element, units, where):
+            if parameter.name in parameters:
+                _accept_second(parameter, parameters[parameter.name], where, element.sourceline)
+            parameters[parameter.name] = parameter
     return ParameterSet(root.get("name"), tuple(parameters.values()), root.get("description", ""))
 
 
 def _read_parameter(element: XmlElement, units: dict[str, SiUnit], where: str) -> Iterator[SsvParameter]:
     """Yield a parameter, or the elements of an array."""
     name, typed = element.get("name"), element[0]
-    place = f"'{where}' line {typed.sourceline}"
-    texts, unit = _texts(typed, name, place), read_unit(typed, units, where)
-    sizes = _sizes(element, name, len(texts), where)
+    location = f"'{where}' line {typed.sourceline}"
+    texts, unit = _read_texts(typed, name, location), read_unit(typed, units, where)
+    sizes = _read_sizes(element, name, len(texts), where)
     array = ParameterArray(name, sizes) if sizes else None
     for index, text in zip(list_indices(sizes) if sizes else ("",), texts, strict=True):
-        value = _value(f"{name}{index}", local_name(typed), text, place)
-        yield SsvParameter(f"{name}{index}", local_name(typed), value, unit, array, place)
+        value = _parse_value(f"{name}{index}", local_name(typed), text, location)
+        yield SsvParameter(f"{name}{index}", local_name(typed), value, unit, array, location)
 
 
-def _sizes(element: XmlElement, name: str, count: int, where: str) -> tuple[int, ...]:
+def _read_sizes(element: XmlElement, name: str, count: int, where: str) -> tuple[int, ...]:
     """Return the size of each dimension of a parameter; empty for a scalar.
 
     With `lenient`, several values without dimensions are those of a vector.
     """
-    place = f"'{where}' line {element.sourceline}"
+    location = f"'{where}' line {element.sourceline}"
     dimensions = list(children(element, "ssc:Dimension"))
     sizes = tuple(int(d.get("size", "-1")) for d in dimensions)
     if -1 in sizes or any(d.get("sizeConnector") is not None for d in dimensions):
         raise CommandError(
-            f"{place}: each Dimension of the parameter '{name}' must have a size, and no sizeConnector."
+            f"{location}: each Dimension of the parameter '{name}' must have a size, and no sizeConnector."
         )
     if 0 in sizes:
         raise CommandError(
-            f"{place}: a Dimension of the parameter '{name}' has the size 0; arrays need an element at least."
+            f"{location}: a Dimension of the parameter '{name}' has the size 0; arrays need an "
+            "element at least."
         )
     if not sizes and count > 1:
         text = f"gives '{name}' {count} values, but no dimension"
         accept_if_lenient(
             where,
             f"line {element.sourceline} {text}; they are read as those of a vector",
-            f'{place} {text}; add <ssc:Dimension size="{count}"/>',
+            f'{location} {text}; add <ssc:Dimension size="{count}"/>',
         )
         return (count,)
     if count != (needed := math.prod(sizes)):
-        raise CommandError(f"{place} gives '{name}' {format_count(count, 'value')}; it needs {needed}.")
+        raise CommandError(f"{location} gives '{name}' {format_count(count, 'value')}; it needs {needed}.")
     return sizes
 
 
@@ -156,22 +157,22 @@ def _accept_second(second: SsvParameter, first: SsvParameter, where: str, line: 
     )
 
 
-def _texts(typed: XmlElement, name: str, place: str) -> list[str]:
+def _read_texts(typed: XmlElement, name: str, location: str) -> list[str]:
     """Return the values of a parameter as they are written."""
     if local_name(typed) not in _TEXTS:
         return typed.get("value", "").split()
     inside = [e.get("value") for e in children(typed, "ssv:Value")]
     if inside and typed.get("value") is not None:
         raise CommandError(
-            f"{place} gives '{name}' a value and Value elements; only one of the two is allowed."
+            f"{location} gives '{name}' a value and Value elements; only one of the two is allowed."
         )
     return inside if inside or typed.get("value") is None else [typed.get("value")]
 
 
-def _value(name: str, kind: str, text: str, place: str) -> float | int | bool | str:
+def _parse_value(name: str, kind: str, text: str, location: str) -> float | int | bool | str:
     if kind in _FLOATS:
         if not math.isfinite(value := float(text)):
-            raise CommandError(f"{place} gives '{name}' the value {text}.")
+            raise CommandError(f"{location} gives '{name}' the value {text}.")
         return value
     if kind == "Boolean":
         return parse_boolean(text)
@@ -205,7 +206,7 @@ def add_parameter_set(root: XmlElement, parameter_set: ParameterSet) -> None:
     group = add(root, "ssv:Parameters")
     for name, same in groupby(parameter_set.parameters, lambda p: p.document_name):
         members = list(same)
-        first, texts = members[0], [_text(p) for p in members]
+        first, texts = members[0], [_format_parameter(p) for p in members]
         unit = first.unit.name if first.unit is not None else None
         element = add(group, "ssv:Parameter", name=name)
         is_list = len(texts) > 1 and first.type in _TEXTS
@@ -217,7 +218,7 @@ def add_parameter_set(root: XmlElement, parameter_set: ParameterSet) -> None:
     add_units(root, "ssv", [p.unit for p in parameter_set.parameters])
 
 
-def _text(parameter: SsvParameter) -> str:
+def _format_parameter(parameter: SsvParameter) -> str:
     if parameter.type in _FLOATS:
         return format_float(float(parameter.value))
     return format_text(parameter.value)

@@ -73,7 +73,7 @@ def parse(content: bytes, where: str, kind: str) -> XmlElement:
     try:
         root = etree.fromstring(content, parser)
     except etree.XMLSyntaxError as error:
-        raise CommandError(f"'{where}' is not well-formed XML: {_short(str(error.msg))}.") from error
+        raise CommandError(f"'{where}' is not well-formed XML: {_shorten(str(error.msg))}.") from error
     if root.getroottree().docinfo.doctype:
         raise CommandError(f"'{where}' has a document type (<!DOCTYPE), which SSP does not allow.")
     check(root, where, kind)
@@ -100,7 +100,7 @@ def check(root: XmlElement, where: str, kind: str) -> None:
                 f"'{NAMESPACES[kind]}'."
             )
         raise CommandError(
-            f"'{where}' is not a {_KINDS[kind]} of SSP, but has the root '{_short(root.tag)}'."
+            f"'{where}' is not a {_KINDS[kind]} of SSP, but has the root '{_shorten(root.tag)}'."
         )
     version = root.get("version", "")
     schema = _schema(VERSION_2 if version.startswith("2.") else VERSION_1, kind)
@@ -115,7 +115,7 @@ def _check_faults(errors: Iterable[Any], where: str) -> None:
     and those in another order can be accepted.
     """
     for error in errors:
-        text = f"line {error.line} is not valid SSP: {_short(error.message).rstrip('.')}"
+        text = f"line {error.line} is not valid SSP: {_shorten(error.message).rstrip('.')}"
         if "attribute 'generationDateAndTime'" in error.message:
             note_fault(where, text)
         elif any(part in error.message for part in ("is not allowed", "This element is not expected")):
@@ -131,7 +131,7 @@ def _schema(version: str, kind: str) -> Any:
     return etree.XMLSchema(etree.parse(str(_SCHEMAS / version / f"{name}.xsd")))
 
 
-def _short(text: str) -> str:
+def _shorten(text: str) -> str:
     """Return a message or tag in one line, without namespaces."""
     return " ".join(re.sub(r"\{[^}]*\}", "", text).split())
 
@@ -248,12 +248,12 @@ def _set(element: XmlElement, attributes: dict[str, str | None]) -> None:
 
 def add_units(parent: XmlElement, owner: str, units: Iterable[SiUnit | None]) -> None:
     """Add definitions of units, each once and sorted by name."""
-    named = {unit.name: unit for unit in units if unit is not None}
-    if not named:
+    by_name = {unit.name: unit for unit in units if unit is not None}
+    if not by_name:
         return
     group = add(parent, f"{owner}:Units")
-    for name in sorted(named):
-        unit = named[name]
+    for name in sorted(by_name):
+        unit = by_name[name]
         base: dict[str, str | None] = {b: str(e) for b, e in unit.powers.items()}
         base |= {"factor": format_float(unit.factor)} if unit.factor != 1.0 else {}
         base |= {"offset": format_float(unit.offset)} if unit.offset != 0.0 else {}

@@ -24,15 +24,15 @@ def make_identifier(name: str) -> str:
 def make_identifiers(names: Iterable[str]) -> dict[str, str]:
     """Return a different identifier for each name. Names that are identifiers keep theirs."""
     names = list(names)
-    taken = {name for name in names if make_identifier(name) == name}
-    found = {}
+    used = {name for name in names if make_identifier(name) == name}
+    identifiers = {}
     for name in names:
         identifier = make_identifier(name)
         if identifier != name:
-            identifier = find_free_name(identifier, taken)
-            taken.add(identifier)
-        found[name] = identifier
-    return found
+            identifier = find_free_name(identifier, used)
+            used.add(identifier)
+        identifiers[name] = identifier
+    return identifiers
 
 
 def format_id(identifier: str, name: str) -> str | None:
@@ -42,7 +42,7 @@ def format_id(identifier: str, name: str) -> str | None:
     """
     if identifier == name:
         return None
-    return re.sub(_NOT_IN_ID, lambda found: f"_x{ord(found[0]):04X}_", name)
+    return re.sub(_NOT_IN_ID, lambda match: f"_x{ord(match[0]):04X}_", name)
 
 
 def parse_id(identifier: str, id_: str | None) -> str:
@@ -50,10 +50,10 @@ def parse_id(identifier: str, id_: str | None) -> str:
     if id_ is None:
         return identifier
     name = _ESCAPED.sub(_unescape, id_)
-    made = re.escape(make_identifier(name))
-    return name if re.fullmatch(rf"{made}(_\d+)?", identifier) else identifier
+    prefix = re.escape(make_identifier(name))
+    return name if re.fullmatch(rf"{prefix}(_\d+)?", identifier) else identifier
 
 
-def _unescape(found: re.Match[str]) -> str:
-    number = int(found[1], 16)
-    return chr(number) if number <= 0x10FFFF else found[0]
+def _unescape(match: re.Match[str]) -> str:
+    number = int(match[1], 16)
+    return chr(number) if number <= 0x10FFFF else match[0]

@@ -94,10 +94,10 @@ def read_transformation(element: XmlElement, where: str) -> Transformation | Non
     for kind in _TABLES:
         table = child(element, f"ssc:{kind}MappingTransformation")
         if table is not None:
-            one = {"Boolean": parse_boolean, "Integer": int, "Enumeration": str}[kind]
+            convert = {"Boolean": parse_boolean, "Integer": int, "Enumeration": str}[kind]
             entries = children(table, "ssc:MapEntry")
             return TableTransformation(
-                kind, tuple((one(e.get("source")), one(e.get("target"))) for e in entries)
+                kind, tuple((convert(e.get("source")), convert(e.get("target"))) for e in entries)
             )
     return None
 

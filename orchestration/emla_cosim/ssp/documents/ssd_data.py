@@ -74,7 +74,7 @@ class Dimension:
 class Connector:
     """A connector of an element; `position` is relative to its corners, 0 to 1.
 
-    `dimensions` are those of an array. `place` is the file and line for error messages.
+    `dimensions` are those of an array. `location` is the file and line for error messages.
     """
 
     name: str
@@ -83,14 +83,14 @@ class Connector:
     unit: SiUnit | None = None
     position: tuple[float, float] | None = None
     dimensions: tuple[Dimension, ...] = ()
-    place: str = field(default="", compare=False)
+    location: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)
 class SsdConnection:
     """A connection of two connectors. The system's own have no element; `waypoints` are x, y in mm.
 
-    Indices, which begin with 1, select one element of an array. `place` is the file and line for error
+    Indices, which begin with 1, select one element of an array. `location` is the file and line for error
     messages.
     """
 
@@ -103,7 +103,7 @@ class SsdConnection:
     waypoints: tuple[tuple[float, float], ...] = ()
     start_indices: tuple[int, ...] = ()
     end_indices: tuple[int, ...] = ()
-    place: str = field(default="", compare=False)
+    location: str = field(default="", compare=False)
 
     def __str__(self) -> str:
         start = ".".join(filter(None, (self.start_element, self.start_connector)))

@@ -57,27 +57,29 @@ def parse_structure(content: bytes, where: str) -> Structure:
     return Structure(
         name=root.get("name"),
         system=reader.system(child(root, "ssd:System")),
-        start_time=_number(times.get("startTime")),
-        stop_time=_number(times.get("stopTime")),
-        step_size=_step_size(root, where),
+        start_time=_parse_time(times.get("startTime")),
+        stop_time=_parse_time(times.get("stopTime")),
+        step_size=_read_step_size(root, where),
         description=root.get("description", ""),
-        samples=tuple(e["component"] for e in _own(root, where, "Samples", ("component",))),
-        bonds=_bonds(root, where),
+        samples=tuple(e["component"] for e in _list_annotations(root, where, "Samples", ("component",))),
+        bonds=_read_bonds(root, where),
         id=root.get("id"),
     )
 
 
-def _bonds(root: XmlElement, where: str) -> dict[str, Bond]:
+def _read_bonds(root: XmlElement, where: str) -> dict[str, Bond]:
     """Return the power bonds by name; CommandError for two of one name."""
-    found: dict[str, Bond] = {}
-    for each in _own(root, where, "Bond", ("name", "effort", "flow")):
-        if each["name"] in found:
-            raise CommandError(f"'{where}': two power bonds have the name '{each['name']}'.")
-        found[each["name"]] = Bond(each["effort"], each["flow"])
-    return found
+    bonds: dict[str, Bond] = {}
+    for attributes in _list_annotations(root, where, "Bond", ("name", "effort", "flow")):
+        if attributes["name"] in bonds:
+            raise CommandError(f"'{where}': two power bonds have the name '{attributes['name']}'.")
+        bonds[attributes["name"]] = Bond(attributes["effort"], attributes["flow"])
+    return bonds
 
 
-def _own(root: XmlElement, where: str, tag: str, attributes: Iterable[str]) -> Iterator[dict[str, str]]:
+def _list_annotations(
+    root: XmlElement, where: str, tag: str, attributes: Iterable[str]
+) -> Iterator[dict[str, str]]:
     """Yield the attributes of elements in our own annotation; raise CommandError if one is missing."""
     for element in root.iterfind(f"ssd:DefaultExperiment//emla:{tag}", NAMESPACES | OWN_NAMESPACE):
         for name in attributes:
@@ -86,24 +88,24 @@ def _own(root: XmlElement, where: str, tag: str, attributes: Iterable[str]) -> I
         yield dict(element.attrib)
 
 
-def _number(text: str | None) -> float | None:
+def _parse_time(text: str | None) -> float | None:
     return None if text is None else float(text)
 
 
-def _step_size(root: XmlElement, where: str) -> float | None:
+def _read_step_size(root: XmlElement, where: str) -> float | None:
     """Return the step size in the annotations of OMSimulator or libcosim, in s."""
     for element, attribute in (
         ("oms:FixedStepMaster", "stepSize"),
         ("osp:FixedStepAlgorithm", "baseStepSize"),
         ("oms:VariableStepSolver", "maximumStepSize"),
     ):
-        found = root.find(f".//{element}", NAMESPACES | ANNOTATION_NAMESPACES)
-        if found is not None and found.get(attribute):
+        algorithm = root.find(f".//{element}", NAMESPACES | ANNOTATION_NAMESPACES)
+        if algorithm is not None and algorithm.get(attribute):
             try:
-                return float(found.get(attribute))
+                return float(algorithm.get(attribute))
             except ValueError as error:
                 raise CommandError(
-                    f"'{where}' line {found.sourceline} has the step size '{found.get(attribute)}'; "
+                    f"'{where}' line {algorithm.sourceline} has the step size '{algorithm.get(attribute)}'; "
                     "it must be a number."
                 ) from error
     return None
@@ -115,11 +117,11 @@ class _Reader:
     def __init__(self, where: str, units: dict[str, SiUnit]) -> None:
         self._where, self._units = where, units
 
-    def _place(self, element: XmlElement) -> str:
+    def _locate(self, element: XmlElement) -> str:
         return f"'{self._where}' line {element.sourceline}"
 
     def _fault(self, element: XmlElement, text: str) -> CommandError:
-        return CommandError(f"{self._place(element)}: {text}.")
+        return CommandError(f"{self._locate(element)}: {text}.")
 
     def system(self, element: XmlElement) -> SystemElement:
         """Read a System element."""
@@ -158,7 +160,7 @@ class _Reader:
                 )
 
     def _common(self, element: XmlElement) -> dict[str, Any]:
-        place = child(element, "ssd:ElementGeometry")
+        geometry = child(element, "ssd:ElementGeometry")
         return {
             "name": element.get("name"),
             "connectors": tuple(
@@ -167,23 +169,23 @@ class _Reader:
             "bindings": tuple(
                 self._binding(b) for b in children(element, "ssd:ParameterBindings", "ssd:ParameterBinding")
             ),
-            "extent": None if place is None else tuple(float(place.get(c)) for c in CORNERS),
+            "extent": None if geometry is None else tuple(float(geometry.get(c)) for c in CORNERS),
             "id": element.get("id"),
         }
 
     def _connector(self, element: XmlElement) -> Connector:
         typed = [e for e in children(element, "ssc:*") if local_name(e) != "Dimension"]
-        place = child(element, "ssd:ConnectorGeometry")
+        geometry = child(element, "ssd:ConnectorGeometry")
         return Connector(
             name=element.get("name"),
             kind=element.get("kind"),
             type=local_name(typed[0]) if typed else None,
             unit=read_unit(typed[0], self._units, self._where) if typed else None,
-            position=(float(place.get("x")), float(place.get("y"))) if place is not None else None,
+            position=(float(geometry.get("x")), float(geometry.get("y"))) if geometry is not None else None,
             dimensions=tuple(
                 self._dimension(d, element.get("name")) for d in children(element, "ssc:Dimension")
             ),
-            place=self._place(element),
+            location=self._locate(element),
         )
 
     def _dimension(self, element: XmlElement, owner: str) -> Dimension:
@@ -222,7 +224,7 @@ class _Reader:
             waypoints=tuple(zip(x, y, strict=False)),
             start_indices=self._indices(element, "startIndices"),
             end_indices=self._indices(element, "endIndices"),
-            place=self._place(element),
+            location=self._locate(element),
         )
 
     def _indices(self, connection: XmlElement, attribute: str) -> tuple[int, ...]:

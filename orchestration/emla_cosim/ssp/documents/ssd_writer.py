@@ -62,11 +62,11 @@ def format_structure(structure: Structure) -> bytes:
         algorithm = add(_annotation(experiment, _OPEN_SIMULATION_PLATFORM), "osp:Algorithm")
         add(algorithm, "osp:FixedStepAlgorithm", baseStepSize=format_float(structure.step_size))
     if structure.samples or structure.bonds:
-        own = add(_annotation(experiment, SYSTEM), "emla:System")
+        annotation = add(_annotation(experiment, SYSTEM), "emla:System")
         for component in structure.samples:
-            add(own, "emla:Samples", component=component)
+            add(annotation, "emla:Samples", component=component)
         for name, bond in structure.bonds.items():
-            add(own, "emla:Bond", name=name, effort=bond.effort, flow=bond.flow)
+            add(annotation, "emla:Bond", name=name, effort=bond.effort, flow=bond.flow)
     return to_bytes(root)
 
 

@@ -25,7 +25,7 @@ from .wiring import Node, Path_, Wiring, node_name
 
 
 @dataclass(frozen=True)
-class _GivenValue:
+class _BindingValue:
     """The last value for a connector or variable; `height` is that of the system with its binding."""
 
     parameter: SsvParameter
@@ -76,20 +76,22 @@ def resolve_bindings(
             chain = list(wiring.chain((path, name)))
             if chain[-1][0] in wiring.fmus and len(chain) > 1:
                 continue  # connected to an output
-            given = [(collected.given[node], node) for node in chain if node in collected.given]
-            if given:
-                height = max(g.height for g, _ in given)
-                highest = [pair for pair in given if pair[0].height == height]
+            candidates = [
+                (collected.values_by_node[node], node) for node in chain if node in collected.values_by_node
+            ]
+            if candidates:
+                height = max(g.height for g, _ in candidates)
+                highest = [pair for pair in candidates if pair[0].height == height]
                 best, node = highest[-1]  # the chain ends at the source
                 overridden += [
-                    f"{node_name(n)} = {other.parameter.value} has no effect: it is connected to "
+                    f"{node_name(n)} = {ignored.parameter.value} has no effect: it is connected to "
                     f"{node_name(node)}, which has a value too"
-                    for other, n in highest[:-1]
+                    for ignored, n in highest[:-1]
                 ]
-                own = best.entry if best.height == -len(path) else None
-                value = _value(wiring, best, node, (path, name))
-                values[path][name] = BoundValue(value, best.parameter, own)
-    return values, [*collected.unused(), *overridden]
+                own_entry = best.entry if best.height == -len(path) else None
+                value = _compute_value(wiring, best, node, (path, name))
+                values[path][name] = BoundValue(value, best.parameter, own_entry)
+    return values, [*collected.describe_unused(), *overridden]
 
 
 class _CollectedBindings:
@@ -97,7 +99,7 @@ class _CollectedBindings:
 
     def __init__(self, wiring: Wiring, has_sizes: bool) -> None:
         self._wiring, self._has_sizes = wiring, has_sizes
-        self.given: dict[Node, _GivenValue] = {}
+        self.values_by_node: dict[Node, _BindingValue] = {}
         self._matched: dict[ParameterSet, set[str]] = {}
         self._reasons: dict[ParameterSet, dict[str, str]] = {}
         self._inside: dict[Path_, dict[str, tuple[int, Element]]] = {}
@@ -109,9 +111,9 @@ class _CollectedBindings:
             for inside in element.elements:
                 self.element(inside, (*path, inside.name))
         for binding in element.bindings:
-            self._binding(binding, element, path)
+            self._add_binding(binding, element, path)
 
-    def unused(self) -> list[str]:
+    def describe_unused(self) -> list[str]:
         """Return a note on each parameter that sets no variable, with the name of its set and the reason."""
         return list(
             dict.fromkeys(
@@ -122,12 +124,12 @@ class _CollectedBindings:
             )
         )
 
-    def _binding(self, binding: ParameterBinding, element: Element, path: Path_) -> None:
+    def _add_binding(self, binding: ParameterBinding, element: Element, path: Path_) -> None:
         values = binding.values
         if not isinstance(values, ParameterSet):
             raise TypeError("the structure is not loaded")
         matched, reasons = self._matched.setdefault(values, set()), self._reasons.setdefault(values, {})
-        targets = _targets(binding.mapping)
+        targets = _index_targets(binding.mapping)
         for parameter in values.parameters:
             index = parameter.name.removeprefix(parameter.document_name)
             is_first = parameter.array is None or index == format_index([1] * len(parameter.array.sizes))
@@ -136,19 +138,19 @@ class _CollectedBindings:
             if not targets(name):
                 reason += ": the mapping leaves it out"
             for array, entry in targets(name):
-                node = self._node(element, path, f"{array}{index}")
+                node = self._find_node(element, path, f"{array}{index}")
                 if self._has_sizes and is_first and (node is None or parameter.array is not None):
                     self._check_shape(element, path, array, parameter)
                 if node is not None:
                     matched.add(parameter.name)
-                    self.given[node] = _GivenValue(parameter, entry, -len(path))
+                    self.values_by_node[node] = _BindingValue(parameter, entry, -len(path))
                 else:
                     reason = self._explain_fixed(element, path, f"{array}{index}") or reason
             reasons.setdefault(parameter.document_name, reason)
 
     def _explain_fixed(self, element: Element, path: Path_, name: str) -> str | None:
         """Return why the variable of a hierarchical name cannot be set; None if it can, or does not exist."""
-        for owner, inside in self._owners(element, path, name):
+        for owner, inside in self._list_owners(element, path, name):
             fmu = self._wiring.fmus.get(owner)
             if fmu is not None and inside in fmu.interface.variables:
                 reason = explain_fixed(fmu.interface, inside)
@@ -157,31 +159,33 @@ class _CollectedBindings:
 
     def _check_shape(self, element: Element, path: Path_, name: str, parameter: SsvParameter) -> None:
         """Raise CommandError if a parameter has not the shape of its target, or the target is left out."""
-        for owner, inside in self._owners(element, path, name):
+        for owner, inside in self._list_owners(element, path, name):
             fmu = self._wiring.fmus.get(owner)
-            known, arrays = self._known(owner)
+            names, arrays = self._list_names(owner)
             target = node_name((owner, inside))
             if fmu is not None and inside in fmu.interface.without_value:
                 raise self._wiring.fault(
                     f"the parameter '{parameter.document_name}' sets {target} of the type "
                     f"{fmu.interface.without_value[inside]}, which this master does not set.",
-                    parameter.place,
+                    parameter.location,
                 )
-            if inside not in known and inside not in arrays:
+            if inside not in names and inside not in arrays:
                 continue
             is_array = parameter.array is not None or (fmu and is_version_3(fmu.interface.description))
-            if is_array and (differ := explain_shape(parameter, inside, known, target)) is not None:
-                raise self._wiring.fault(differ, parameter.place)
+            if is_array and (differ := explain_shape(parameter, inside, names, target)) is not None:
+                raise self._wiring.fault(differ, parameter.location)
             return
 
-    def _owners(self, element: Element, path: Path_, name: str) -> Iterator[Node]:
-        """Yield the elements that can have a connector or variable of a hierarchical name, as `_node`."""
+    def _list_owners(self, element: Element, path: Path_, name: str) -> Iterator[Node]:
+        """Yield the elements that can have a connector or variable of a hierarchical name."""
         yield path, name
         if isinstance(element, SystemElement):
-            for inside in self._beginning(element, path, name):
-                yield from self._owners(inside, (*path, inside.name), name.removeprefix(f"{inside.name}."))
+            for inside in self._find_elements(element, path, name):
+                yield from self._list_owners(
+                    inside, (*path, inside.name), name.removeprefix(f"{inside.name}.")
+                )
 
-    def _known(self, path: Path_) -> tuple[Collection[str], set[str]]:
+    def _list_names(self, path: Path_) -> tuple[Collection[str], set[str]]:
         """Return the names of the connectors of a system or the variables of an FMU, and of their arrays."""
         fmu = self._wiring.fmus.get(path)
         key = path if fmu is None else (fmu.component.source, fmu.component.structure)
@@ -195,12 +199,12 @@ class _CollectedBindings:
     @cached_property
     def _connectors(self) -> dict[Path_, dict[str, None]]:
         """Names of connectors by owner."""
-        found: dict[Path_, dict[str, None]] = {}
+        names: dict[Path_, dict[str, None]] = {}
         for owner, name in self._wiring.connectors:
-            found.setdefault(owner, {})[name] = None
-        return found
+            names.setdefault(owner, {})[name] = None
+        return names
 
-    def _node(self, element: Element, path: Path_, name: str) -> Node | None:
+    def _find_node(self, element: Element, path: Path_, name: str) -> Node | None:
         """Return the connector or variable of a hierarchical name, relative to an element."""
         if isinstance(element, ComponentElement):
             interface = self._wiring.fmus[path].interface
@@ -208,13 +212,13 @@ class _CollectedBindings:
         if (path, name) in self._wiring.connectors:
             return path, name
         if isinstance(element, SystemElement):
-            for inside in self._beginning(element, path, name):
-                found = self._node(inside, (*path, inside.name), name.removeprefix(f"{inside.name}."))
-                if found is not None:
-                    return found
+            for inside in self._find_elements(element, path, name):
+                node = self._find_node(inside, (*path, inside.name), name.removeprefix(f"{inside.name}."))
+                if node is not None:
+                    return node
         return None
 
-    def _beginning(self, system: SystemElement, path: Path_, name: str) -> list[Element]:
+    def _find_elements(self, system: SystemElement, path: Path_, name: str) -> list[Element]:
         """Return the elements of a system whose name and a dot begin this name, in order."""
         if path not in self._inside:
             self._inside[path] = {e.name: (i, e) for i, e in enumerate(system.elements)}
@@ -223,7 +227,7 @@ class _CollectedBindings:
         return [e for _, e in sorted((inside[s] for s in starts if s in inside), key=itemgetter(0))]
 
 
-def _targets(mapping: object) -> Callable[[str], Sequence[tuple[str, MappingEntry | None]]]:
+def _index_targets(mapping: object) -> Callable[[str], Sequence[tuple[str, MappingEntry | None]]]:
     """Return a function from parameter names to names in the element; a mapping leaves out all others."""
     if not isinstance(mapping, tuple):
         return lambda name: [(name, None)]
@@ -233,15 +237,15 @@ def _targets(mapping: object) -> Callable[[str], Sequence[tuple[str, MappingEntr
     return lambda name: targets.get(name, [])
 
 
-def _value(wiring: Wiring, given: _GivenValue, node: Node, variable: Node) -> Value:
+def _compute_value(wiring: Wiring, values_by_node: _BindingValue, node: Node, variable: Node) -> Value:
     """Return the value of a variable from a value of the variable or of a connector in its chain."""
-    value = given.parameter.value
-    table = given.entry.transformation if given.entry is not None else None
+    value = values_by_node.parameter.value
+    table = values_by_node.entry.transformation if values_by_node.entry is not None else None
     if isinstance(table, TableTransformation):
         return next((t for s, t in table.entries if s == value and type(s) is type(value)), value)
     if isinstance(value, (bool, str)):
         return value
-    total = build_transformation(wiring, given.parameter, given.entry, node, variable)
+    total = build_transformation(wiring, values_by_node.parameter, values_by_node.entry, node, variable)
     return value if total == IDENTITY else total(value)
 
 

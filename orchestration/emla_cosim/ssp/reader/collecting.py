@@ -18,11 +18,11 @@ from ..documents.ssd_data import (
 )
 from .wiring import Fmu, Node, Path_, Wiring, node_name
 
-_GIVES = ("output", "calculatedParameter")
-_TAKES = ("input", "parameter", "structuralParameter")
-_SAME = {"Real": "Float64", "Integer": "Int32"}
+_SOURCE_KINDS = ("output", "calculatedParameter")
+_TARGET_KINDS = ("input", "parameter", "structuralParameter")
+_FMI_3_NAMES = {"Real": "Float64", "Integer": "Int32"}
 """Types of FMI 2.0 with another name in FMI 3.0; SSP 2.0 has both."""
-_NUMBERS = {"Real", "Integer", "Enumeration", "Boolean"}
+_NUMERIC_TYPES = {"Real", "Integer", "Enumeration", "Boolean"}
 """Types whose connectors some tools mix up: the variable's own type decides how values are converted."""
 
 
@@ -78,22 +78,22 @@ class _Elements:
         variable = fmu.interface.variables.get(connector.name)
         if variable is None and connector.name in fmu.interface.without_value:
             return True  # a connection of it is refused
-        place = connector.place or f"'{self._wiring.where}'"
+        location = connector.location or f"'{self._wiring.where}'"
         if variable is None:
             fault = f"{name} has no variable in '{Path(fmu.component.source).name}'"
-            accept_if_lenient(self._wiring.where, fault, f"{place}: {fault}")
+            accept_if_lenient(self._wiring.where, fault, f"{location}: {fault}")
             return False
-        if connector.kind in (*_GIVES, *_TAKES) and connector.kind != variable.causality:
+        if connector.kind in (*_SOURCE_KINDS, *_TARGET_KINDS) and connector.kind != variable.causality:
             raise self._wiring.fault(
                 f"{name} is of kind {connector.kind}, but the variable's causality is {variable.causality}.",
-                connector.place,
+                connector.location,
             )
         exact = declared_type(variable)
-        if connector.type not in (None, variable.type, exact, _SAME.get(exact)):
+        if connector.type not in (None, variable.type, exact, _FMI_3_NAMES.get(exact)):
             fault = f"{name} is of type {connector.type}, but the variable is of type {exact}"
-            if not {connector.type, variable.type} <= _NUMBERS:
-                raise self._wiring.fault(f"{fault}.", connector.place)
-            accept_if_lenient(self._wiring.where, fault, f"{place}: {fault}")
+            if not {connector.type, variable.type} <= _NUMERIC_TYPES:
+                raise self._wiring.fault(f"{fault}.", connector.location)
+            accept_if_lenient(self._wiring.where, fault, f"{location}: {fault}")
         return True
 
 
@@ -102,8 +102,8 @@ class _ConnectionEnd:
     """One end of a connection: whether it provides or accepts values."""
 
     node: Node
-    gives: bool
-    takes: bool
+    is_source: bool
+    is_target: bool
 
 
 class _Level:
@@ -122,28 +122,28 @@ class _Level:
         """Add the connections of the system and of inner systems."""
         drivers = self._wiring.drivers
         for connection in self._system.connections:
-            source, target = self._directed(connection)
+            source, target = self._find_direction(connection)
             if target in drivers:
-                both = f"{drivers[target][1]} and {connection}"
+                drivers_text = f"{drivers[target][1]} and {connection}"
                 raise self._wiring.fault(
-                    f"{node_name(target)} is driven by two connections, {both}.", connection.place
+                    f"{node_name(target)} is driven by two connections, {drivers_text}.", connection.location
                 )
             drivers[target] = source, connection
         for name, element in self._elements.items():
             if isinstance(element, SystemElement):
                 _Level(self._wiring, element, (*self._path, name), self._dictionaries).connect()
 
-    def _directed(self, connection: SsdConnection) -> tuple[Node, Node]:
+    def _find_direction(self, connection: SsdConnection) -> tuple[Node, Node]:
         """Return source and target of a connection; the start need not be the source."""
-        start = self._end(connection, connection.start_element, connection.start_connector)
-        end = self._end(connection, connection.end_element, connection.end_connector)
-        if start.gives and end.takes:
+        start = self._find_end(connection, connection.start_element, connection.start_connector)
+        end = self._find_end(connection, connection.end_element, connection.end_connector)
+        if start.is_source and end.is_target:
             return start.node, end.node
-        if end.gives and start.takes:
+        if end.is_source and start.is_target:
             return end.node, start.node
         raise self._fault(connection, "does not lead from an output to an input")
 
-    def _end(self, connection: SsdConnection, element: str | None, name: str) -> _ConnectionEnd:
+    def _find_end(self, connection: SsdConnection, element: str | None, name: str) -> _ConnectionEnd:
         if element is not None and element not in self._elements:
             has = join_names(self._elements) if self._elements else "none"
             text = f"names the element '{element}'; the system '{self._system.name}' has {has}"
@@ -158,8 +158,8 @@ class _Level:
                     f"'{owner.name}' names the signal dictionary '{owner.dictionary}', which is missing."
                 )
             node = self._dictionaries[owner.dictionary], name
-            self._share(node, connectors[name])
-            return _ConnectionEnd(node, gives=True, takes=True)
+            self._share_connector(node, connectors[name])
+            return _ConnectionEnd(node, is_source=True, is_target=True)
         if isinstance(owner, ComponentElement):
             interface = self._wiring.fmus[(*self._path, owner.name)].interface
             if name in interface.without_value and name not in interface.variables:
@@ -169,21 +169,21 @@ class _Level:
                     f"joins '{owner.name}.{name}' of the type {kind}, which this master does not connect",
                 )
         kind = connectors[name].kind
-        gives, takes = kind in _GIVES, kind in _TAKES
+        is_source, is_target = kind in _SOURCE_KINDS, kind in _TARGET_KINDS
         if element is None:  # inputs of a system are sources inside of it
-            return _ConnectionEnd((self._path, name), gives=takes, takes=gives)
-        return _ConnectionEnd(((*self._path, element), name), gives, takes)
+            return _ConnectionEnd((self._path, name), is_source=is_target, is_target=is_source)
+        return _ConnectionEnd(((*self._path, element), name), is_source, is_target)
 
-    def _share(self, node: Node, connector: Connector) -> None:
+    def _share_connector(self, node: Node, connector: Connector) -> None:
         """Use one connector for all references to a signal of a dictionary, and check that units agree."""
-        known = self._wiring.connectors.setdefault(node, connector)
-        if known.unit is None:
+        shared = self._wiring.connectors.setdefault(node, connector)
+        if shared.unit is None:
             self._wiring.connectors[node] = connector
-        elif connector.unit not in (None, known.unit):
+        elif connector.unit not in (None, shared.unit):
             raise self._wiring.fault(
-                f"the signal '{node[1]}' has the unit {known.unit} in one reference and {connector.unit} "
+                f"the signal '{node[1]}' has the unit {shared.unit} in one reference and {connector.unit} "
                 "in another one."
             )
 
     def _fault(self, connection: SsdConnection, text: str) -> CommandError:
-        return self._wiring.fault(f"the connection {connection} {text}.", connection.place)
+        return self._wiring.fault(f"the connection {connection} {text}.", connection.location)

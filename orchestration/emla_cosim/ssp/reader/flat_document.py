@@ -66,10 +66,10 @@ def read_ssp(path: Path) -> Iterator[SspDocument]:
     Raises:
         CommandError: If something is invalid, missing or not supported.
     """
-    with contextlib.ExitStack() as held:
-        package = held.enter_context(open_package(path))
+    with contextlib.ExitStack() as stack:
+        package = stack.enter_context(open_package(path))
         try:
-            document = _document(load_structure(package, held), package)
+            document = _document(load_structure(package, stack), package)
         except (AttributeError, TypeError, ValueError, KeyError) as error:
             if not is_lenient():  # otherwise a document that violates the schema lacks something
                 raise
@@ -95,12 +95,12 @@ def _document(structure: Structure, package: Package) -> SspDocument:
                 f"a structural parameter of '{'.'.join(path)}' gets its value through a connector. Set it by "
                 "its own name in a parameter binding."
             )
-    names, samples = _names(wired), set(structure.samples)
+    names, samples = _name_components(wired), set(structure.samples)
     components = (
-        replace(_component(wired, names[path], fmu, values[path]), samples=names[path] in samples)
+        replace(_make_component(wired, names[path], fmu, values[path]), samples=names[path] in samples)
         for path, fmu in wired.fmus.items()
     )
-    connections = (_connection(wired, node, names) for node in wired.drivers if node[0] in wired.fmus)
+    connections = (_make_connection(wired, node, names) for node in wired.drivers if node[0] in wired.fmus)
     system = System(tuple(components), tuple(x for x in connections if x is not None), structure.bonds)
     return SspDocument(
         name=parse_id(structure.name, structure.id),
@@ -111,7 +111,7 @@ def _document(structure: Structure, package: Package) -> SspDocument:
         step_size=structure.step_size,
         notes=[
             *(f"the parameter {text}" for text in without_effect),
-            *_unknown_in_annotation(structure, system, wired.fmus.values()),
+            *_describe_unknown_names(structure, system, wired.fmus.values()),
         ],
         unpacked=package.unpacked,
     )
@@ -130,7 +130,9 @@ def _find_structures(
     Raises:
         CommandError: A structural parameter does not accept its value.
     """
-    fmus = {path: Fmu(path, component, interface(component)) for path, component in _components(root, ())}
+    fmus = {
+        path: Fmu(path, component, interface(component)) for path, component in _list_components(root, ())
+    }
     if not any(f.interface.is_structural(n) for f in fmus.values() for n in f.interface.variables):
         return root
     values, _ = resolve_bindings(root, Wiring(where, fmus), has_sizes=False)
@@ -146,61 +148,65 @@ def _read_structure(fmu: Fmu, values: Mapping[str, BoundValue]) -> dict[str, int
     )
 
 
-def _components(element: Element, path: Path_) -> Iterator[tuple[Path_, ComponentElement]]:
+def _list_components(element: Element, path: Path_) -> Iterator[tuple[Path_, ComponentElement]]:
     """Yield all components in an element, with their paths."""
     if isinstance(element, ComponentElement):
         yield path, element
     if isinstance(element, SystemElement):
         for inside in element.elements:
-            yield from _components(inside, (*path, inside.name))
+            yield from _list_components(inside, (*path, inside.name))
 
 
 def _with_structures(
     system: SystemElement, path: Path_, structures: Mapping[Path_, Mapping[str, int]]
 ) -> SystemElement:
     def changed(element: Element) -> Element:
-        own = (*path, element.name)
+        element_path = (*path, element.name)
         if isinstance(element, SystemElement):
-            return _with_structures(element, own, structures)
+            return _with_structures(element, element_path, structures)
         if isinstance(element, ComponentElement):
-            return replace(element, structure=tuple(structures[own].items()))
+            return replace(element, structure=tuple(structures[element_path].items()))
         return element
 
     return replace(system, elements=tuple(changed(element) for element in system.elements))
 
 
-def _unknown_in_annotation(structure: Structure, system: System, fmus: Iterable[Fmu]) -> Iterator[str]:
+def _describe_unknown_names(structure: Structure, system: System, fmus: Iterable[Fmu]) -> Iterator[str]:
     """Yield a note on each name in our annotation that nothing has, as after a component was renamed.
 
     The FMUs are those of the system's components.
     """
-    known = {c.name: (c.aliases, fmu.interface) for c, fmu in zip(system.components, fmus, strict=True)}
+    by_component = {
+        c.name: (c.aliases, fmu.interface) for c, fmu in zip(system.components, fmus, strict=True)
+    }
     for name in structure.samples:
-        if name not in known:
+        if name not in by_component:
             yield f"the sampled component '{name}' does not exist"
     for name, bond in structure.bonds.items():
         for signal in (bond.effort, bond.flow):
-            owners = {c: signal.removeprefix(f"{c}.") for c in known if signal.startswith(f"{c}.")}
-            if not any(v in known[c][0] or v in known[c][1].variables for c, v in owners.items()):
+            owners = {c: signal.removeprefix(f"{c}.") for c in by_component if signal.startswith(f"{c}.")}
+            if not any(
+                v in by_component[c][0] or v in by_component[c][1].variables for c, v in owners.items()
+            ):
                 yield f"the power bond '{name}' is not judged: the signal '{signal}' does not exist"
 
 
-def _names(wired: Wiring) -> dict[Path_, str]:
+def _name_components(wired: Wiring) -> dict[Path_, str]:
     """Return the names of all components; raise CommandError for duplicates."""
     names: dict[Path_, str] = {}
-    taken: set[str] = set()
+    used: set[str] = set()
     for path, fmu in wired.fmus.items():
         name = parse_id(path[0], fmu.component.id) if len(path) == 1 else ".".join(path)
-        if name in taken:
+        if name in used:
             raise wired.fault(f"there are two components '{name}'.")
-        taken.add(name)
+        used.add(name)
         names[path] = name
     return names
 
 
-def _component(wired: Wiring, name: str, fmu: Fmu, values: dict[str, BoundValue]) -> Component:
+def _make_component(wired: Wiring, name: str, fmu: Fmu, values: dict[str, BoundValue]) -> Component:
     """Return a component with its values, by the names of its own mapping."""
-    aliases = _aliases(wired, fmu, values)
+    aliases = _find_aliases(wired, fmu, values)
     sources = {alias.variable: source for source, alias in aliases.items()}
     parameters = {}
     for variable, bound in values.items():
@@ -212,14 +218,14 @@ def _component(wired: Wiring, name: str, fmu: Fmu, values: dict[str, BoundValue]
     return Component(name, parameters=parameters, fmu=Path(fmu.component.source), aliases=aliases, kind=kind)
 
 
-def _aliases(wired: Wiring, fmu: Fmu, values: dict[str, BoundValue]) -> dict[str, Alias]:
+def _find_aliases(wired: Wiring, fmu: Fmu, values: dict[str, BoundValue]) -> dict[str, Alias]:
     """Return the names and units that the mappings of a component define for its variables.
 
     Only bindings of replaced components define them. Entries that are not the only name of one variable are
     left out; their value is set by the name of the FMU's variable.
     """
     variables = fmu.interface.variables
-    found = {
+    renames = {
         (entry.source, entry.target): (entry, binding)
         for binding in fmu.component.bindings
         if binding.renames and isinstance(binding.mapping, tuple)
@@ -227,38 +233,38 @@ def _aliases(wired: Wiring, fmu: Fmu, values: dict[str, BoundValue]) -> dict[str
         if entry.target in variables
     }
     aliases = {}
-    for (source, target), (entry, binding) in found.items():
-        single = sum(1 for s, t in found if s == source or t == target) == 1
-        hidden = source != target and source in variables
-        if not single or hidden:
+    for (source, target), (entry, binding) in renames.items():
+        is_unique = sum(1 for s, t in renames if s == source or t == target) == 1
+        is_hidden = source != target and source in variables
+        if not is_unique or is_hidden:
             continue
-        bound, parameter = values.get(target), _source(binding, source)
+        bound, parameter = values.get(target), _find_source(binding, source)
         if bound is not None and bound.entry is not None:
             entry, parameter = bound.entry, bound.parameter
         if isinstance(entry.transformation, TableTransformation):
             continue
         node = (fmu.path, target)
         linear = build_transformation(wired, parameter, entry, node, node)
-        given_elsewhere = bound is not None and bound.entry is None
+        has_other_value = bound is not None and bound.entry is None
         if linear == IDENTITY:
             fits = source != target
         else:
             fits = linear.factor != 0.0 and variables[target].type == "Real"
-            fits = fits and not (source == target and given_elsewhere)
+            fits = fits and not (source == target and has_other_value)
         if fits:
             aliases[source] = Alias(target, linear, parameter.unit)
     return aliases
 
 
-def _source(binding: ParameterBinding, name: str) -> SsvParameter:
+def _find_source(binding: ParameterBinding, name: str) -> SsvParameter:
     """Return the parameter of a binding by its name in the mapping, or a parameter without a unit."""
     values = binding.values
     parameters = values.parameters if isinstance(values, ParameterSet) else ()
-    found = (p for p in parameters if f"{binding.prefix}{p.name}" == name)
-    return next(found, SsvParameter(name, "Real", 0.0))
+    matches = (p for p in parameters if f"{binding.prefix}{p.name}" == name)
+    return next(matches, SsvParameter(name, "Real", 0.0))
 
 
-def _connection(wired: Wiring, target: Node, names: dict[Path_, str]) -> Connection | None:
+def _make_connection(wired: Wiring, target: Node, names: dict[Path_, str]) -> Connection | None:
     """Return the connection to an input of an FMU through all systems between, None if there is none."""
     *_, source = wired.chain(target)
     if source[0] not in wired.fmus:

@@ -44,23 +44,23 @@ class Package:
         Raises:
             CommandError: If the URI is not relative, or the file does not exist or is outside the folder.
         """
-        path = _relative(uri)
+        path = _parse_relative(uri)
         if path is None:
             raise CommandError(
                 f"'{where}' names '{uri}', but only relative URIs inside the package can be read."
             )
-        found = (self.ssd.parent / path).resolve()
-        if not found.is_relative_to(self.folder.resolve()):
+        file = (self.ssd.parent / path).resolve()
+        if not file.is_relative_to(self.folder.resolve()):
             outside = f"'{where}' names '{uri}', which is outside the package"
-            if self.unpacked is not None or not found.is_file():  # an archive must not reach other files
+            if self.unpacked is not None or not file.is_file():  # an archive must not reach other files
                 raise CommandError(f"{outside}.")
             accept_if_lenient(where, f"'{uri}' is outside the package", outside)
-        if not found.is_file():
+        if not file.is_file():
             raise CommandError(f"'{where}' names the file '{uri}', which does not exist.")
-        return found
+        return file
 
 
-def _relative(uri: str) -> str | None:
+def _parse_relative(uri: str) -> str | None:
     """Return the path of a relative URI, None for other URIs."""
     try:
         parts = urlsplit(uri)
@@ -82,10 +82,10 @@ def open_package(path: Path, variant: str = "") -> Iterator[Package]:
     Raises:
         CommandError: If there is no SSD to read.
     """
-    file, variant = (path, variant) if variant else _variant(path)
+    file, variant = (path, variant) if variant else _split_variant(path)
     name = f"{file}#{variant}" if variant else str(file)
     if file.is_dir():
-        yield _package(file, variant, name)
+        yield _find_ssd(file, variant, name)
     elif not file.is_file():
         raise CommandError(f"there is no file '{file}'.")
     elif file.suffix.lower() == ".ssd":
@@ -101,17 +101,17 @@ def open_package(path: Path, variant: str = "") -> Iterator[Package]:
                 raise CommandError(f"'{file}' cannot be unpacked: {error.strerror or error}.") from error
             except Exception as error:  # zipfile raises many types
                 raise CommandError(f"'{file}' is not an SSP that can be read: {error}.") from error
-            yield replace(_package(folder, variant, name), unpacked=temporary)
+            yield replace(_find_ssd(folder, variant, name), unpacked=temporary)
 
 
-def _variant(path: Path) -> tuple[Path, str]:
+def _split_variant(path: Path) -> tuple[Path, str]:
     if path.exists():
         return path, ""
     name, hash_, variant = path.name.partition("#")
     return (path.with_name(name), variant) if hash_ and name else (path, "")
 
 
-def _package(folder: Path, variant: str, name: str) -> Package:
+def _find_ssd(folder: Path, variant: str, name: str) -> Package:
     ssd = folder / (variant or DEFAULT_SSD)
     if not ssd.is_file() or ssd.resolve().parent != folder.resolve():
         present = sorted(p.name for p in folder.glob("*.ssd"))

@@ -29,14 +29,14 @@ def component_shapes(element: Element, interface: Interface, where: str) -> Shap
     Raises:
         CommandError: A declared dimension is not that of the variable.
     """
-    found: Shapes = {}
-    known = {c.name for c in element.connectors} | set(interface.variables)
+    shapes: Shapes = {}
+    names = {c.name for c in element.connectors} | set(interface.variables)
     for connector in element.connectors:
         if indices := sort_indices(find_indices(connector.name, interface.variables)):
-            found[connector.name] = indices
+            shapes[connector.name] = indices
         if connector.dimensions and (indices or connector.name in interface.variables):
-            _check_dimensions(connector, element, interface, known, indices, where)
-    return found
+            _check_dimensions(connector, element, interface, names, indices, where)
+    return shapes
 
 
 def declared_shapes(element: Element, where: str) -> Shapes:
@@ -49,47 +49,49 @@ def declared_shapes(element: Element, where: str) -> Shapes:
     Raises:
         CommandError: A dimension has the size of a connector that does not exist, or the array is too large.
     """
-    found: Shapes = {}
-    known = {c.name for c in element.connectors}
+    shapes: Shapes = {}
+    names = {c.name for c in element.connectors}
     for connector in element.connectors:
-        _check_size_connectors(connector, known, element, where)
+        _check_size_connectors(connector, names, element, where)
         sizes = [d.size for d in connector.dimensions if d.size is not None]
         if sizes and len(sizes) == len(connector.dimensions):
             if (count := math.prod(sizes)) > _LARGEST:
-                name = _name(element, connector)
-                raise _fault(connector, f"the array {name} has {count} elements, more than {_LARGEST}", where)
-            found[connector.name] = list(list_indices(sizes))
-    return found
+                name = _format_name(element, connector)
+                raise _make_fault(
+                    connector, f"the array {name} has {count} elements, more than {_LARGEST}", where
+                )
+            shapes[connector.name] = list(list_indices(sizes))
+    return shapes
 
 
-def explain_shape(parameter: SsvParameter, name: str, known: Collection[str], target: str) -> str | None:
+def explain_shape(parameter: SsvParameter, name: str, names: Collection[str], target: str) -> str | None:
     """Return why a parameter has not the shape of its target; None if it has, or if there is no target.
 
     Args:
         parameter: The parameter, or the first element of its array.
         name: The name of the target.
-        known: The names of all variables.
+        names: The names of all variables.
         target: What the message calls the target.
     """
     sizes = () if parameter.array is None else parameter.array.sizes
-    indices = find_indices(name, known)
-    if not indices and name not in known:
+    indices = find_indices(name, names)
+    if not indices and name not in names:
         return None
     if sorted(list_indices(sizes) if sizes else ()) == sorted(indices):
         return None
-    given = f"has the dimensions {_by(sizes)}" if sizes else "has one value and no dimensions"
+    stated = f"has the dimensions {_format_sizes(sizes)}" if sizes else "has one value and no dimensions"
     actual = find_sizes(sort_indices(indices))
     has = (
-        f"the dimensions {_by(actual)}"
+        f"the dimensions {_format_sizes(actual)}"
         if actual
         else "other indices than 1 to n"
         if indices
         else "no dimensions"
     )
-    return f"the parameter '{parameter.document_name}' {given}, but {target} has {has}."
+    return f"the parameter '{parameter.document_name}' {stated}, but {target} has {has}."
 
 
-def _by(sizes: tuple[int, ...]) -> str:
+def _format_sizes(sizes: tuple[int, ...]) -> str:
     return " x ".join(map(str, sizes))
 
 
@@ -97,27 +99,29 @@ def _check_dimensions(
     connector: Connector,
     element: Element,
     interface: Interface,
-    known: set[str],
+    names: set[str],
     indices: list[str],
     where: str,
 ) -> None:
     """Raise CommandError if a declared dimension is not that of the FMU's variable."""
-    name = _name(element, connector)
-    _check_size_connectors(connector, known, element, where)
+    name = _format_name(element, connector)
+    _check_size_connectors(connector, names, element, where)
     sizes = find_sizes(indices)
-    actual = _format(sizes) if sizes else "is a scalar" if not indices else "has other indices than 1 to n"
+    actual = (
+        _describe_sizes(sizes) if sizes else "is a scalar" if not indices else "has other indices than 1 to n"
+    )
     if len(sizes) != len(connector.dimensions):
-        raise _fault(
+        raise _make_fault(
             connector,
             f"{name} is declared with {format_count(len(connector.dimensions), 'dimension')}, but the "
             f"variable of the FMU {actual}",
             where,
         )
     for position, (size, declared) in enumerate(
-        zip(sizes, _declared_sizes(connector, interface), strict=True), 1
+        zip(sizes, _list_declared_sizes(connector, interface), strict=True), 1
     ):
         if declared not in (None, size):
-            raise _fault(
+            raise _make_fault(
                 connector,
                 f"dimension {position} of {name} is declared with the size {declared}, but the variable of "
                 f"the FMU {actual}",
@@ -125,7 +129,7 @@ def _check_dimensions(
             )
 
 
-def _declared_sizes(connector: Connector, interface: Interface) -> Iterator[int | None]:
+def _list_declared_sizes(connector: Connector, interface: Interface) -> Iterator[int | None]:
     """Yield the declared size of each dimension; None if it is not known without the FMU."""
     for dimension in connector.dimensions:
         variable = interface.variables.get(dimension.connector or "")
@@ -133,25 +137,25 @@ def _declared_sizes(connector: Connector, interface: Interface) -> Iterator[int 
         yield dimension.size if start is None else int(float(str(start)))
 
 
-def _check_size_connectors(connector: Connector, known: set[str], element: Element, where: str) -> None:
+def _check_size_connectors(connector: Connector, names: set[str], element: Element, where: str) -> None:
     for dimension in connector.dimensions:
-        if dimension.connector is not None and dimension.connector not in known:
-            raise _fault(
+        if dimension.connector is not None and dimension.connector not in names:
+            raise _make_fault(
                 connector,
-                f"the size of {_name(element, connector)} is that of the connector "
+                f"the size of {_format_name(element, connector)} is that of the connector "
                 f"'{dimension.connector}', which does not exist",
                 where,
             )
 
 
-def _format(sizes: tuple[int, ...]) -> str:
-    return f"is an array of {_by(sizes)}" + (" elements" if len(sizes) == 1 else "")
+def _describe_sizes(sizes: tuple[int, ...]) -> str:
+    return f"is an array of {_format_sizes(sizes)}" + (" elements" if len(sizes) == 1 else "")
 
 
-def _name(element: Element, connector: Connector) -> str:
+def _format_name(element: Element, connector: Connector) -> str:
     return f"{element.name}.{connector.name}"
 
 
-def _fault(connector: Connector, text: str, where: str) -> CommandError:
-    place = connector.place or f"'{where}'"
-    return CommandError(f"{place}: {text}.")
+def _make_fault(connector: Connector, text: str, where: str) -> CommandError:
+    location = connector.location or f"'{where}'"
+    return CommandError(f"{location}: {text}.")

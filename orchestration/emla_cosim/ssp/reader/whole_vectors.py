@@ -51,23 +51,23 @@ def _expand(
             element, shapes[element.name] = _expand(element, interface, where)
         elif isinstance(element, ComponentElement):
             shapes[element.name] = component_shapes(element, interface(element), where)
-            element = replace(element, connectors=tuple(_connectors(element, shapes[element.name])))
+            element = replace(element, connectors=tuple(_expand_connectors(element, shapes[element.name])))
         elif isinstance(element, DictionaryReference):
             shapes[element.name] = declared_shapes(element, where)
-            element = replace(element, connectors=tuple(_connectors(element, shapes[element.name])))
+            element = replace(element, connectors=tuple(_expand_connectors(element, shapes[element.name])))
         elements.append(element)
     owners: dict[str | None, Element] = {None: system, **{e.name: e for e in elements}}
     names = {name: {c.name: c for c in owner.connectors} for name, owner in owners.items()}
-    own = declared_shapes(system, where)
+    system_shapes = declared_shapes(system, where)
     for x in system.connections:
-        for (inside, name, index), (outside, other, own_index) in (_ends(x), _ends(x)[::-1]):
-            whole = outside is None and inside is not None and not (index or own_index)
-            if whole and (found := _shape(inside, name, shapes, names)):
-                own.setdefault(other, found)
-    shapes[None] = own
-    connections = [y for x in system.connections for y in _connections(x, shapes, names, where)]
+        for (inside, name, index), (outside, system_name, system_index) in (_ends(x), _ends(x)[::-1]):
+            is_whole = outside is None and inside is not None and not (index or system_index)
+            if is_whole and (indices := _find_shape(inside, name, shapes, names)):
+                system_shapes.setdefault(system_name, indices)
+    shapes[None] = system_shapes
+    connections = [y for x in system.connections for y in _expand_connection(x, shapes, names, where)]
     system = replace(system, elements=tuple(elements), connections=tuple(connections))
-    return replace(system, connectors=tuple(_connectors(system, own))), own
+    return replace(system, connectors=tuple(_expand_connectors(system, system_shapes))), system_shapes
 
 
 _End = tuple[str | None, str, tuple[int, ...]]
@@ -81,14 +81,16 @@ def _ends(connection: SsdConnection) -> tuple[_End, _End]:
     )
 
 
-def _shape(element: str | None, name: str, shapes: Mapping[str | None, Shapes], names: _Names) -> list[str]:
+def _find_shape(
+    element: str | None, name: str, shapes: Mapping[str | None, Shapes], names: _Names
+) -> list[str]:
     """Return the indices of an array: of a connector, or of connectors of its elements; empty for others."""
-    if found := shapes.get(element, {}).get(name):
-        return found
+    if indices := shapes.get(element, {}).get(name):
+        return indices
     return [] if element is None else sort_indices(find_indices(name, names.get(element, {})))
 
 
-def _connectors(element: Element, shapes: Shapes) -> Iterator[Connector]:
+def _expand_connectors(element: Element, shapes: Shapes) -> Iterator[Connector]:
     declared = {c.name for c in element.connectors}
     for connector in element.connectors:
         if connector.name not in shapes:
@@ -98,39 +100,39 @@ def _connectors(element: Element, shapes: Shapes) -> Iterator[Connector]:
         yield from (replace(connector, name=name, dimensions=()) for name in names if name not in declared)
 
 
-def _connections(
+def _expand_connection(
     connection: SsdConnection, shapes: Mapping[str | None, Shapes], names: _Names, where: str
 ) -> Iterator[SsdConnection]:
     """Yield the connections of elements; the connection itself if it is of scalars or has unknown ends."""
-    place = connection.place or f"'{where}'"
+    location = connection.location or f"'{where}'"
     ends = _ends(connection)
-    found = [_shape(element, name, shapes, names) for element, name, _ in ends]
+    end_shapes = [_find_shape(element, name, shapes, names) for element, name, _ in ends]
     if not all(
-        f or name in names.get(element, {}) for f, (element, name, _) in zip(found, ends, strict=True)
+        f or name in names.get(element, {}) for f, (element, name, _) in zip(end_shapes, ends, strict=True)
     ):
         yield connection
         return
-    for shape, (element, name, _) in zip(found, ends, strict=True):
+    for shape, (element, name, _) in zip(end_shapes, ends, strict=True):
         if not shape and names[element][name].dimensions:
             raise CommandError(
-                f"{place}: the connection {connection} joins the array '{name}' of unknown size; give its "
+                f"{location}: the connection {connection} joins the array '{name}' of unknown size; give its "
                 "dimensions a size, or connect it inside."
             )
-    chosen = [
-        _choose(f"{place}: the connection {connection}", end, shape)
-        for end, shape in zip(ends, found, strict=True)
+    selected = [
+        _select_indices(f"{location}: the connection {connection}", end, shape)
+        for end, shape in zip(ends, end_shapes, strict=True)
     ]
-    wholes = [bool(shape) and not index for shape, (_, _, index) in zip(found, ends, strict=True)]
-    if any(wholes) and (wholes[0] != wholes[1] or chosen[0] != chosen[1]):
-        sizes = " and ".join(format_count(len(c), "element") for c in chosen)
-        if wholes[0] != wholes[1]:
+    are_whole = [bool(shape) and not index for shape, (_, _, index) in zip(end_shapes, ends, strict=True)]
+    if any(are_whole) and (are_whole[0] != are_whole[1] or selected[0] != selected[1]):
+        sizes = " and ".join(format_count(len(c), "element") for c in selected)
+        if are_whole[0] != are_whole[1]:
             differ = (
                 ", an array with a single value; select an element by startIndices or endIndices (SSP 2.0)"
             )
         else:
-            differ = "" if len(chosen[0]) != len(chosen[1]) else " with other indices"
-        raise CommandError(f"{place}: the connection {connection} joins {sizes}{differ}.")
-    for start, end in zip(*chosen, strict=True):
+            differ = "" if len(selected[0]) != len(selected[1]) else " with other indices"
+        raise CommandError(f"{location}: the connection {connection} joins {sizes}{differ}.")
+    for start, end in zip(*selected, strict=True):
         yield replace(
             connection,
             start_connector=f"{connection.start_connector}{start}",
@@ -140,29 +142,29 @@ def _connections(
         )
 
 
-def _choose(which: str, end: _End, shape: list[str]) -> list[str]:
+def _select_indices(link: str, end: _End, shape: list[str]) -> list[str]:
     """Return the indices of the connected elements: all of an array, or the selected one; "" for a scalar."""
     _, name, index = end
     if not index:
         return shape or [""]
     sizes = find_sizes(shape)
     if not shape:
-        raise CommandError(f"{which} selects {name}{format_index(index)}, but '{name}' is no array.")
+        raise CommandError(f"{link} selects {name}{format_index(index)}, but '{name}' is no array.")
     if not sizes:
         raise CommandError(
-            f"{which} selects {name}{format_index(index)}, but the FMU has other indices than 1 to n."
+            f"{link} selects {name}{format_index(index)}, but the FMU has other indices than 1 to n."
         )
     if len(index) != len(sizes):
         has = format_count(len(sizes), "dimension")
         raise CommandError(
-            f"{which} selects {name}{format_index(index)}, but '{name}' has {has}; write one index for each."
+            f"{link} selects {name}{format_index(index)}, but '{name}' has {has}; write one index for each."
         )
     if any(i > n for i, n in zip(index, sizes, strict=True)):
         raise CommandError(
-            f"{which} selects {name}{format_index(index)}; the elements of '{name}' are {shape[0]} to "
+            f"{link} selects {name}{format_index(index)}; the elements of '{name}' are {shape[0]} to "
             f"{shape[-1]}."
         )
-    place = 0
+    position = 0
     for i, n in zip(index, sizes, strict=True):
-        place = place * n + i - 1
-    return [shape[place]]
+        position = position * n + i - 1
+    return [shape[position]]

@@ -40,10 +40,10 @@ class Wiring:
     connectors: dict[Node, Connector] = field(default_factory=dict)
     drivers: dict[Node, tuple[Node, SsdConnection]] = field(default_factory=dict)
 
-    def fault(self, text: str, place: str = "") -> CommandError:
+    def fault(self, text: str, location: str = "") -> CommandError:
         """Return an error about the structure, or about a place in one of its files."""
-        place = place or f"'{self.where}'"
-        return CommandError(f"{place}: {text}")
+        location = location or f"'{self.where}'"
+        return CommandError(f"{location}: {text}")
 
     def unit(self, node: Node) -> SiUnit | None:
         """Return the unit of a connector: the declared one, that of the FMU's variable, or of all targets."""
@@ -52,17 +52,17 @@ class Wiring:
             return declared
         if node[0] in self.fmus:
             return self.fmu_unit(node)
-        inside = (target for target in self._driven.get(node, ()) if target[0][:-1] == node[0])
+        inside = (target for target in self._targets_by_source.get(node, ()) if target[0][:-1] == node[0])
         units = {self.unit(target) for target in inside}
         return units.pop() if len(units) == 1 else None
 
     @cached_property
-    def _driven(self) -> dict[Node, list[Node]]:
+    def _targets_by_source(self) -> dict[Node, list[Node]]:
         """Return the targets of each connector; valid once all connections are collected."""
-        found: dict[Node, list[Node]] = {}
+        targets: dict[Node, list[Node]] = {}
         for target, (source, _) in self.drivers.items():
-            found.setdefault(source, []).append(target)
-        return found
+            targets.setdefault(source, []).append(target)
+        return targets
 
     def fmu_unit(self, node: Node) -> SiUnit | None:
         """Return the unit of the FMU's variable behind a connector, if there is one."""
@@ -76,17 +76,17 @@ class Wiring:
         Raises:
             CommandError: If the connections form a loop.
         """
-        seen = set()
+        visited = set()
         while True:
             yield node
-            seen.add(node)
+            visited.add(node)
             if node not in self.drivers:
                 return
             node = self.drivers[node][0]
-            if node in seen:
+            if node in visited:
                 raise self.fault(f"the connections of {node_name(node)} form a loop.")
 
-    def arriving(self, node: Node, origin: Node, given: SiUnit | None = None) -> LinearTransformation:
+    def arriving(self, node: Node, origin: Node, default_unit: SiUnit | None = None) -> LinearTransformation:
         """Return the transformation from `origin` to a variable behind it.
 
         At both ends, values have the unit of the FMU's variable, or that of the connector if there is none.
@@ -94,7 +94,7 @@ class Wiring:
         Args:
             node: The variable.
             origin: A connector in its chain.
-            given: The unit at `origin`, if it has none.
+            default_unit: The unit at `origin`, if it has none.
 
         Raises:
             CommandError: If a transformation is not supported, or units do not match.
@@ -103,17 +103,17 @@ class Wiring:
         nodes = nodes[: nodes.index(origin) + 1]
         ends = self.fmu_unit(origin), self.fmu_unit(node)
         difference = any(end is not None and end.is_difference for end in ends)
-        unit, total = self.unit(origin) or given, IDENTITY
+        unit, total = self.unit(origin) or default_unit, IDENTITY
         if origin != node:
-            total = self._converted(ends[0], unit, origin, difference)
+            total = self._convert_at(ends[0], unit, origin, difference)
         for target in reversed(nodes[:-1]):
-            total, unit = self._passed(total, unit, target, difference)
-        return self._converted(unit, ends[1], node, difference).after(total)
+            total, unit = self._follow_connection(total, unit, target, difference)
+        return self._convert_at(unit, ends[1], node, difference).after(total)
 
-    def _passed(
+    def _follow_connection(
         self, total: LinearTransformation, unit: SiUnit | None, target: Node, difference: bool
     ) -> tuple[LinearTransformation, SiUnit | None]:
-        """Return transformation and unit behind the connection to a connector; see `_converted`."""
+        """Return transformation and unit behind the connection to a connector; see `_convert_at`."""
         _, connection = self.drivers[target]
         declared = self.unit(target)
         transformation = connection.transformation or IDENTITY
@@ -124,10 +124,10 @@ class Wiring:
             )
         if connection.suppress_unit_conversion:
             return transformation.after(total), declared
-        converted = self._converted(unit, declared, target, difference, connection)
+        converted = self._convert_at(unit, declared, target, difference, connection)
         return transformation.after(converted.after(total)), declared if declared is not None else unit
 
-    def _converted(
+    def _convert_at(
         self,
         source: SiUnit | None,
         target: SiUnit | None,

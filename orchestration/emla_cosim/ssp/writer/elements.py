@@ -65,18 +65,18 @@ class _Builder:
 
     def root(self, name: str) -> ssp.SystemElement:
         """Return the root system."""
-        elements = tuple(self._element(c) for c in self._system.components)
-        connections = tuple(dict.fromkeys(self._connection(x) for x in self._system.connections))
+        elements = tuple(self._make_element(c) for c in self._system.components)
+        connections = tuple(dict.fromkeys(self._make_connection(x) for x in self._system.connections))
         return ssp.SystemElement(name, elements=elements, connections=connections)
 
-    def _element(self, component: Component) -> ssp.ComponentElement:
+    def _make_element(self, component: Component) -> ssp.ComponentElement:
         part, wires = self._parts[component.name], self._system.connections
         used = {
             "input": {x.input for x in wires if x.target == component.name},
             "output": {x.output for x in wires if x.source == component.name},
         }
         connectors = tuple(
-            self._connector(part.interface, kind, variable)
+            self._make_connector(part.interface, kind, variable)
             for kind, names in used.items()
             for variable in part.interface.variables
             if variable in names
@@ -88,7 +88,7 @@ class _Builder:
             name, connectors, part.bindings, id=id_, source=part.source, implementation=kind
         )
 
-    def _connector(self, interface: Interface, kind: str, variable: str) -> ssp.Connector:
+    def _make_connector(self, interface: Interface, kind: str, variable: str) -> ssp.Connector:
         """Return a connector for a variable, with its unit if the document can define the unit.
 
         Enumerations have no type here, because the document would have to define them. SSP 1.0 has no
@@ -99,11 +99,13 @@ class _Builder:
             variable, kind, None if type_ in _UNTYPED else type_, unit if unit in self._units else None
         )
 
-    def _connection(self, connection: Connection) -> ssp.SsdConnection:
+    def _make_connection(self, connection: Connection) -> ssp.SsdConnection:
         """Return a connection with an explicit transformation, for tools that do not convert units."""
         source, target = self._names[connection.source], self._names[connection.target]
-        given, needed = (self._parts[component].interface.unit(name) for component, name in connection.ends)
-        converts = not (given is None or needed is None or given.measures_as(needed))
+        source_unit, target_unit = (
+            self._parts[component].interface.unit(name) for component, name in connection.ends
+        )
+        converts = not (source_unit is None or target_unit is None or source_unit.measures_as(target_unit))
         explicit = None if connection.transformation == IDENTITY else connection.transformation
         return ssp.SsdConnection(
             source, connection.output, target, connection.input, explicit, converts or explicit is not None
@@ -112,8 +114,8 @@ class _Builder:
 
 def select_unambiguous(units: Iterable[SiUnit | None]) -> set[SiUnit]:
     """Return the units that a document can define: those with a unique name and known exponents."""
-    named: dict[str, set[SiUnit]] = {}
+    by_name: dict[str, set[SiUnit]] = {}
     for unit in units:
         if unit is not None:
-            named.setdefault(unit.name, set()).add(unit)
-    return {u for same in named.values() if len(same) == 1 for u in same if u.exponents is not None}
+            by_name.setdefault(unit.name, set()).add(unit)
+    return {u for same in by_name.values() if len(same) == 1 for u in same if u.exponents is not None}

@@ -24,8 +24,11 @@ def add_coordinates(system: SystemElement) -> SystemElement:
         if c.start_element is not None and c.end_element is not None
     ]
     kinds = {e.name: [c.kind for c in e.connectors] for e in system.elements}
-    most = {name: max(found.count("input"), found.count("output")) for name, found in kinds.items()}
-    corners = _layout({e.name: e.id or e.name for e in system.elements}, links, most)
+    most = {
+        name: max(connector_kinds.count("input"), connector_kinds.count("output"))
+        for name, connector_kinds in kinds.items()
+    }
+    corners = _place_elements({e.name: e.id or e.name for e in system.elements}, links, most)
     elements = tuple(
         replace(e, extent=corners[e.name], connectors=_position_connectors(e.connectors))
         for e in system.elements
@@ -37,16 +40,16 @@ def add_coordinates(system: SystemElement) -> SystemElement:
 def _position_connectors(connectors: Sequence[Connector]) -> tuple[Connector, ...]:
     """Place inputs at the left side and outputs at the right side, evenly spaced."""
     count = {kind: sum(1 for c in connectors if c.kind == kind) for kind in ("input", "output")}
-    seen = {"input": 0, "output": 0}
+    positioned = {"input": 0, "output": 0}
     placed = []
     for connector in connectors:
-        seen[connector.kind] += 1
-        y = 1.0 - seen[connector.kind] / (count[connector.kind] + 1)
+        positioned[connector.kind] += 1
+        y = 1.0 - positioned[connector.kind] / (count[connector.kind] + 1)
         placed.append(replace(connector, position=(0.0 if connector.kind == "input" else 1.0, round(y, 6))))
     return tuple(placed)
 
 
-def _layout(
+def _place_elements(
     names: Mapping[str, str], links: Sequence[tuple[str, str]], connectors: Mapping[str, int]
 ) -> dict[str, Corners]:
     """Return the corners x1, y1, x2, y2 of each element in mm.
@@ -61,17 +64,17 @@ def _layout(
     """
     corners: dict[str, Corners] = {}
     top = 0.0
-    for group in _groups(list(names), links):
-        order = sorted(group, key=lambda e: _flow(names[e]))
-        columns = _columns(order, links)
-        left = _column_positions(columns, links)
+    for group in _group_connected(list(names), links):
+        order = sorted(group, key=lambda e: _rank_in_flow(names[e]))
+        columns = _assign_columns(order, links)
+        column_edges = _position_columns(columns, links)
         filled = dict.fromkeys(columns.values(), top)
         for element in order:
             column, height = columns[element], _PITCH * (connectors[element] + 1)
-            x, y = left[column], filled[column]
+            x, y = column_edges[column], filled[column]
             corners[element] = (x, y - height, x + _WIDTH, y)
             filled[column] = y - height - _GAP_Y
-        below = sum(1 for a, b in links if a in columns and not _adjacent(columns, a, b))
+        below = sum(1 for a, b in links if a in columns and not _is_adjacent(columns, a, b))
         top = min(filled.values()) - _PITCH * (below + 2)
     return corners
 
@@ -79,17 +82,17 @@ def _layout(
 def _route(system: SystemElement) -> tuple[SsdConnection, ...]:
     """Return the connections of a placed system with the waypoints of their lines."""
     ends = {
-        (e.name, c.name): _point(e.extent, c.position)
+        (e.name, c.name): _locate(e.extent, c.position)
         for e in system.elements
         for c in e.connectors
         if e.extent is not None and c.position is not None
     }
-    rows = _rows(system)
+    rows = _find_row_edges(system)
     lanes: dict[object, int] = {}
 
-    def lane(where: object) -> float:
-        lanes[where] = lanes.get(where, 0) + 1
-        return _PITCH * lanes[where]
+    def lane(lane_group: object) -> float:
+        lanes[lane_group] = lanes.get(lane_group, 0) + 1
+        return _PITCH * lanes[lane_group]
 
     routed = []
     for connection in system.connections:
@@ -101,7 +104,7 @@ def _route(system: SystemElement) -> tuple[SsdConnection, ...]:
         floor = rows[connection.start_element or ""]
         out = start[0] + lane(("right of", floor, start[0]))
         gap = end[0] - start[0]
-        if 0.0 < gap and not _between(system, start[0], end[0]):
+        if 0.0 < gap and not _has_column_between(system, start[0], end[0]):
             points = ((out, start[1]), (out, end[1]))
         else:
             y = floor - lane(("below", floor))
@@ -111,33 +114,33 @@ def _route(system: SystemElement) -> tuple[SsdConnection, ...]:
     return tuple(routed)
 
 
-def _point(extent: Corners, position: tuple[float, float]) -> tuple[float, float]:
+def _locate(extent: Corners, position: tuple[float, float]) -> tuple[float, float]:
     x1, y1, x2, y2 = extent
     return round(x1 + position[0] * (x2 - x1), 3), round(y1 + position[1] * (y2 - y1), 3)
 
 
-def _between(system: SystemElement, left: float, right: float) -> bool:
+def _has_column_between(system: SystemElement, left: float, right: float) -> bool:
     """Return whether a column of elements is between two positions."""
     return any(e.extent is not None and left < e.extent[0] and e.extent[2] < right for e in system.elements)
 
 
-def _rows(system: SystemElement) -> dict[str, float]:
+def _find_row_edges(system: SystemElement) -> dict[str, float]:
     """Return the lowest edge of each element's row."""
     links = [(c.start_element, c.end_element) for c in system.connections]
     inside = [(a, b) for a, b in links if a is not None and b is not None]
     extents = {e.name: e.extent for e in system.elements if e.extent is not None}
     lowest = {}
-    for group in _groups(list(extents), inside):
+    for group in _group_connected(list(extents), inside):
         lowest |= dict.fromkeys(group, min(extents[e][1] for e in group))
     return lowest
 
 
-def _flow(name: str) -> int:
+def _rank_in_flow(name: str) -> int:
     role = name.rpartition(".")[2]
     return _FLOW.index(role) if role in _FLOW else len(_FLOW)
 
 
-def _groups(elements: Sequence[str], links: Sequence[tuple[str, str]]) -> list[list[str]]:
+def _group_connected(elements: Sequence[str], links: Sequence[tuple[str, str]]) -> list[list[str]]:
     """Return groups of connected elements; groups and members keep their order."""
     group = {e: [e] for e in elements}
     for a, b in links:
@@ -148,7 +151,7 @@ def _groups(elements: Sequence[str], links: Sequence[tuple[str, str]]) -> list[l
     return list({id(g): sorted(g, key=order.__getitem__) for g in group.values()}.values())
 
 
-def _columns(order: Sequence[str], links: Sequence[tuple[str, str]]) -> dict[str, int]:
+def _assign_columns(order: Sequence[str], links: Sequence[tuple[str, str]]) -> dict[str, int]:
     """Return columns in which connections forward in this order run to the right."""
     sources: dict[str, list[str]] = {}
     for a, b in links:
@@ -160,20 +163,20 @@ def _columns(order: Sequence[str], links: Sequence[tuple[str, str]]) -> dict[str
     return columns
 
 
-def _adjacent(columns: Mapping[str, int], a: str, b: str) -> bool:
+def _is_adjacent(columns: Mapping[str, int], a: str, b: str) -> bool:
     return columns[b] == columns[a] + 1
 
 
-def _column_positions(columns: Mapping[str, int], links: Sequence[tuple[str, str]]) -> dict[int, float]:
+def _position_columns(columns: Mapping[str, int], links: Sequence[tuple[str, str]]) -> dict[int, float]:
     """Return the left edge of each column; gaps have room for all lines that begin or end there."""
     lines = dict.fromkeys(range(max(columns.values()) + 2), 0)
     for a, b in links:
         if a in columns:
             lines[columns[a] + 1] += 1
-            lines[columns[b]] += not _adjacent(columns, a, b)
-    left, x = {}, 0.0
+            lines[columns[b]] += not _is_adjacent(columns, a, b)
+    edges, x = {}, 0.0
     for column in range(max(columns.values()) + 1):
         x += _PITCH * (lines[column] + 2) if column else 0.0
-        left[column] = x
+        edges[column] = x
         x += _WIDTH
-    return left
+    return edges

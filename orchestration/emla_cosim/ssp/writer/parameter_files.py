@@ -52,22 +52,22 @@ def parameter_files(system: System, interfaces: Mapping[str, Interface], version
     """
     files = ParameterFiles(version)
     for component in system.components:
-        parameters = _parameters(component, interfaces[component.name])
+        parameters = _list_parameters(component, interfaces[component.name])
         if version == VERSION_2 and not component.aliases:
             parameters = complete_arrays(parameters, component.name, interfaces[component.name])
-        files.bindings[component.name] = _bindings(files, component, parameters)
+        files.bindings[component.name] = _add_files(files, component, parameters)
     return files
 
 
-def _parameters(component: Component, interface: Interface) -> list[SsvParameter]:
+def _list_parameters(component: Component, interface: Interface) -> list[SsvParameter]:
     """Return the parameters of a component by its own names, in the order of the FMU's variables."""
     names = {component.alias(name).variable: name for name in component.parameters}
-    known = [names.pop(variable) for variable in interface.variables if variable in names]
-    found = (_parameter(component, interface, name) for name in (*known, *names.values()))
-    return [parameter for parameter in found if parameter is not None]
+    in_order = [names.pop(variable) for variable in interface.variables if variable in names]
+    parameters = (_make_parameter(component, interface, name) for name in (*in_order, *names.values()))
+    return [parameter for parameter in parameters if parameter is not None]
 
 
-def _parameter(component: Component, interface: Interface, name: str) -> SsvParameter | None:
+def _make_parameter(component: Component, interface: Interface, name: str) -> SsvParameter | None:
     """Return a parameter; None for a default of the FMU of a type that not all tools read.
 
     With `lenient`, other values of such a type are written, too.
@@ -98,7 +98,7 @@ def _parameter(component: Component, interface: Interface, name: str) -> SsvPara
     return SsvParameter(name, "Integer" if number else "String", typed)
 
 
-def _mapping(component: Component, parameters: list[SsvParameter]) -> list[MappingEntry]:
+def _make_mapping(component: Component, parameters: list[SsvParameter]) -> list[MappingEntry]:
     """Return the FMU's names of parameters and other variables, empty if they are the same."""
     if not component.aliases:
         return []
@@ -110,17 +110,17 @@ def _mapping(component: Component, parameters: list[SsvParameter]) -> list[Mappi
     return list(entries.values())
 
 
-def _bindings(
+def _add_files(
     files: ParameterFiles, component: Component, parameters: list[SsvParameter]
 ) -> tuple[ParameterBinding, ...]:
     """Return the binding of a component and add its files; no binding without content."""
-    mapping = _mapping(component, parameters)
+    mapping = _make_mapping(component, parameters)
     if not (parameters or mapping):
         return ()
     contents, version = files.contents, files.version
     uri = file_name(component.name, ".ssv", contents)
-    known = select_unambiguous(p.unit for p in parameters)
-    listed = tuple(p if p.unit in known else replace(p, unit=None) for p in parameters)
+    defined_units = select_unambiguous(p.unit for p in parameters)
+    listed = tuple(p if p.unit in defined_units else replace(p, unit=None) for p in parameters)
     content = ParameterSet(SET_NAME, listed, f"Parameters of {component.name}")
     contents[uri] = format_parameter_set(content, version)
     reference = None
@@ -130,13 +130,13 @@ def _bindings(
     return (ParameterBinding(FileReference(uri), mapping=reference, renames=reference is not None),)
 
 
-def file_name(name: str, ending: str, taken: Collection[str]) -> str:
+def file_name(name: str, ending: str, used: Collection[str]) -> str:
     """Return an unused URI in the package for a file.
 
     Args:
         name: The name of the file's content; other characters than letters and digits are replaced.
         ending: The extension.
-        taken: The URIs in use.
+        used: The URIs in use.
     """
     stem = re.sub(r"[^A-Za-z0-9_-]", "_", name)
-    return find_free_name(f"resources/{stem}", {uri.removesuffix(ending) for uri in taken}) + ending
+    return find_free_name(f"resources/{stem}", {uri.removesuffix(ending) for uri in used}) + ending

@@ -28,11 +28,11 @@ def select_version(system: System, interfaces: Mapping[str, Interface]) -> str:
     ends = [end for x in system.connections for end in x.ends]
     ends += [(c.name, name) for c in system.components for name in c.parameters]
     variables = (interfaces[component].variables.get(name) for component, name in ends)
-    is_new = (v is not None and (_array(v) or declared_type(v) not in _IN_VERSION_1) for v in variables)
+    is_new = (v is not None and (_find_array(v) or declared_type(v) not in _IN_VERSION_1) for v in variables)
     return VERSION_2 if any(is_new) else VERSION_1
 
 
-def _array(variable: ModelVariable) -> ParameterArray | None:
+def _find_array(variable: ModelVariable) -> ParameterArray | None:
     """Return the array of an element with FMI 3.0; None for a scalar, and for variables of FMI 2.0."""
     if not variable.shape:
         return None
@@ -56,7 +56,7 @@ def join_arrays(root: SystemElement, interfaces: Mapping[str, Interface]) -> Sys
         for connector in element.connectors:
             variable = interface.variables[connector.name]
             typed = replace(connector, type=connector.type and declared_type(variable))
-            array = _array(variable)
+            array = _find_array(variable)
             if array is None:
                 connectors[connector.name] = typed
                 continue
@@ -67,7 +67,9 @@ def join_arrays(root: SystemElement, interfaces: Mapping[str, Interface]) -> Sys
         elements.append(replace(element, connectors=tuple(connectors.values())))
     indexed = [_with_indices(x, arrays) for x in root.connections]
     return replace(
-        root, elements=tuple(elements), connections=tuple(_join(indexed, root.connections, arrays))
+        root,
+        elements=tuple(elements),
+        connections=tuple(_join_connections(indexed, root.connections, arrays)),
     )
 
 
@@ -86,23 +88,23 @@ def _with_indices(x: SsdConnection, arrays: _Arrays) -> SsdConnection:
     return x
 
 
-def _join(
+def _join_connections(
     indexed: list[SsdConnection], plain: Iterable[SsdConnection], arrays: _Arrays
 ) -> Iterator[SsdConnection]:
     """Yield connections of whole arrays in place of those of all their elements."""
     groups: dict[SsdConnection, list[SsdConnection]] = {}
     shapes: dict[SsdConnection, set[tuple[int, ...] | None]] = {}
     for x, old in zip(indexed, plain, strict=True):
-        whole = replace(x, start_indices=(), end_indices=())
+        whole_connection = replace(x, start_indices=(), end_indices=())
         ends = ((old.start_element or "", old.start_connector), (old.end_element or "", old.end_connector))
-        groups.setdefault(whole, []).append(x)
-        shapes[whole] = {arrays[end][0].sizes if end in arrays else None for end in ends}
-    for whole, members in groups.items():
-        (sizes, *others) = shapes[whole]
-        is_whole = not others and sizes is not None
+        groups.setdefault(whole_connection, []).append(x)
+        shapes[whole_connection] = {arrays[end][0].sizes if end in arrays else None for end in ends}
+    for whole_connection, members in groups.items():
+        (sizes, *other_sizes) = shapes[whole_connection]
+        is_whole = not other_sizes and sizes is not None
         is_whole = is_whole and all(x.start_indices == x.end_indices for x in members)
         if is_whole and sizes is not None and len(members) == len(list(list_indices(sizes))):
-            yield whole
+            yield whole_connection
         else:
             yield from members
 
@@ -122,23 +124,23 @@ def complete_arrays(
     Raises:
         CommandError: An element has no start value.
     """
-    found: dict[str, SsvParameter] = {}
-    given = {p.name: p for p in parameters}
-    for parameter in given.values():
+    completed: dict[str, SsvParameter] = {}
+    by_name = {p.name: p for p in parameters}
+    for parameter in by_name.values():
         variable = interface.variables[parameter.name]
         typed = replace(parameter, type=declared_type(variable))
-        array = _array(variable)
+        array = _find_array(variable)
         if array is None:
-            found[parameter.name] = typed
+            completed[parameter.name] = typed
             continue
         for index in list_indices(array.sizes):
             name = f"{array.name}{index}"
-            value = given[name].value if name in given else _start(component, interface, name)
-            found[name] = replace(typed, name=name, value=value, array=array)
-    return list(found.values())
+            value = by_name[name].value if name in by_name else _read_start_value(component, interface, name)
+            completed[name] = replace(typed, name=name, value=value, array=array)
+    return list(completed.values())
 
 
-def _start(component: str, interface: Interface, name: str) -> float | int | bool | str:
+def _read_start_value(component: str, interface: Interface, name: str) -> float | int | bool | str:
     variable = interface.variables[name]
     if variable.start is None:
         raise CommandError(
