@@ -101,15 +101,15 @@ class _Commands(click.Group):
         Raises:
             click.UsageError: There is no command of this name.
         """
-        name, *others = args
+        name, *remaining = args
         if name not in COMMANDS and not ctx.resilient_parsing:
             from ..base.errors import suggest_names
 
             raise click.UsageError(
                 f"there is no command '{name}'; {suggest_names(name, COMMANDS, most=20)}", ctx
             )
-        if name in COMMANDS and ctx.resilient_parsing and not others:
-            return name, _FirstArgument(name), others
+        if name in COMMANDS and ctx.resilient_parsing and not remaining:
+            return name, _FirstArgument(name), remaining
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:

@@ -18,7 +18,7 @@ from .parameters import make_parameters, read_values
 
 
 @dataclass(frozen=True)
-class _Shown:
+class _ReplacementOptions:
     """Options of commands that replace FMUs."""
 
     show_fit: bool = switch("List the variables of a replacement FMU, even if all match.", OUTPUT)
@@ -46,7 +46,11 @@ class Command(click.Command):
         self._declared = options_of(module.Parameters) if hasattr(module, "Parameters") else []
         self._shared = list(list_options(module.OPTIONS).values()) if hasattr(module, "OPTIONS") else []
         replaces = any(o.name == "replace" for o in self._shared) and not is_answer
-        self._options = [*self._declared, *self._shared, *(options_of(_Shown) if replaces else ())]
+        self._options = [
+            *self._declared,
+            *self._shared,
+            *(options_of(_ReplacementOptions) if replaces else ()),
+        ]
         quiet = click.Option(["--quiet", "-q"], is_flag=True, help="Show only errors.", hidden=is_answer)
         parameters = [*make_parameters(self._options), quiet]
         super().__init__(name, settings, self._call, parameters, about)

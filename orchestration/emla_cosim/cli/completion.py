@@ -34,7 +34,7 @@ def complete_value(ctx: click.Context, parameter: click.Parameter, incomplete: s
 
 def complete_first_argument(command: str, incomplete: str) -> list[CompletionItem] | None:
     """Return completions of the first argument, or None if that needs an import of the command."""
-    names = _FIRST.get(command)
+    names = _FIRST_ARGUMENTS.get(command)
     return None if names is None else _match(names, incomplete)
 
 
@@ -43,55 +43,57 @@ def _match(names: Callable[[], Iterable[object]], incomplete: str) -> list[Compl
     return matches or [CompletionItem(incomplete, type="file")]
 
 
-def _scenarios() -> Iterable[str]:
-    machines = (name for name in _files("machines") if name != "hdrm")  # it has one scenario for each mode
-    return sorted([*_files("scenarios"), *_files("joints"), *machines])
+def _list_scenarios() -> Iterable[str]:
+    machines = (
+        name for name in _list_study_files("machines") if name != "hdrm"
+    )  # it has one scenario for each mode
+    return sorted([*_list_study_files("scenarios"), *_list_study_files("joints"), *machines])
 
 
-def _plans() -> Iterable[str]:
-    return [*_scenarios(), *_files("plans")]
+def _list_plans() -> Iterable[str]:
+    return [*_list_scenarios(), *_list_study_files("plans")]
 
 
-def _files(folder: str) -> Iterable[str]:
+def _list_study_files(folder: str) -> Iterable[str]:
     """Return the names of the study's files in a folder, without loading them."""
-    places = files("emla_cosim").joinpath("study", folder).iterdir()
-    return sorted(p.name.removesuffix(".toml") for p in places if p.name.endswith(".toml"))
+    paths = files("emla_cosim").joinpath("study", folder).iterdir()
+    return sorted(p.name.removesuffix(".toml") for p in paths if p.name.endswith(".toml"))
 
 
-def _controllers() -> Iterable[str]:
+def _list_controllers() -> Iterable[str]:
     from ..study.controllers import CONTROLLERS
 
     return CONTROLLERS
 
 
-def _gains() -> Iterable[str]:
+def _list_gains() -> Iterable[str]:
     from ..study.controllers import CONTROLLERS
 
     return dict.fromkeys(name for controller in CONTROLLERS.values() for name in controller.gains)
 
 
-def _models() -> Iterable[str]:
+def _list_models() -> Iterable[str]:
     from ..fmu.models import MODELS
 
     return MODELS
 
 
 _NAMES: dict[str, Callable[[], Iterable[str]]] = {
-    "scenario": _scenarios,
-    "plan": _plans,
-    "models": _models,
-    "controller": _controllers,
-    "controllers": _controllers,
-    "gains": _gains,
+    "scenario": _list_scenarios,
+    "plan": _list_plans,
+    "models": _list_models,
+    "controller": _list_controllers,
+    "controllers": _list_controllers,
+    "gains": _list_gains,
 }
 """Completions by parameter name, of parameters without declared choices."""
 
 
-_FIRST: dict[str, Callable[[], Iterable[str]]] = {
-    **dict.fromkeys(("run", "export", "compare"), _scenarios),
-    **dict.fromkeys(("sweep", "tune"), _plans),
+_FIRST_ARGUMENTS: dict[str, Callable[[], Iterable[str]]] = {
+    **dict.fromkeys(("run", "export", "compare"), _list_scenarios),
+    **dict.fromkeys(("sweep", "tune"), _list_plans),
     **dict.fromkeys(("rerun", "plot", "verify", "repair", "trajectory", "info"), tuple),
-    "build": _models,
+    "build": _list_models,
 }
 """Completions of the first argument by command; an empty tuple means files."""
 
@@ -102,7 +104,7 @@ def install(app: click.Command) -> str:
     Raises:
         ValueError: If completion cannot be installed, with the reason.
     """
-    shell = _shell()
+    shell = _detect_shell()
     try:
         path = _install_script(app, shell)
     except (OSError, RuntimeError, ValueError) as error:  # no home folder, or one that is not writable
@@ -143,12 +145,12 @@ def _install_script(app: click.Command, shell: str) -> Path:
 
 def script(app: click.Command) -> str:
     """Return the completion script of the user's shell. Raise ValueError if the shell is not supported."""
-    shell = get_completion_class(_shell())
+    shell = get_completion_class(_detect_shell())
     assert shell is not None
     return shell(app, {}, PROGRAM, VARIABLE).source()
 
 
-def _shell() -> str:
+def _detect_shell() -> str:
     """Return the shell that called this command; if that is not known, the user's login shell."""
     import psutil
 

@@ -9,12 +9,12 @@ import click
 
 from ..base.option import OTHER_OPTIONS, OUTPUT, RUNS, STEPPING, SYSTEM
 
-_INDENT, _TEXT = "  ", "      "
+_INDENT, _DEEP_INDENT = "  ", "      "
 
 _RANK = {group: rank for rank, group in enumerate((SYSTEM, STEPPING, OUTPUT, RUNS), 1)}
 """Order of the groups that several commands have."""
 
-_SHORT = 12
+_MOST_LETTERS_BESIDE = 12
 """Most letters of names beside which their meanings stand."""
 
 
@@ -44,34 +44,36 @@ def format_help(
     for group, name, meaning in (*sorted(entries, key=lambda entry: _RANK.get(entry[0], 0)), *switches):
         groups.setdefault(group, []).append((name, meaning))
     paragraphs = [_wrap(command.get_usage(ctx), width), _wrap(command.help or "", width)]
-    paragraphs += [[_bold(f"{title}:"), *_list_lines(group, width)] for title, group in groups.items()]
+    paragraphs += [
+        [_format_title(f"{title}:"), *_list_lines(group, width)] for title, group in groups.items()
+    ]
     title, lines = commands
     if lines:
         paragraphs.append(
-            [_bold(f"{title}:"), *(part for line in lines for part in _break_command(line, width))]
+            [_format_title(f"{title}:"), *(part for line in lines for part in _break_command(line, width))]
         )
     return "\n\n".join("\n".join(lines) for lines in paragraphs) + "\n"
 
 
 def _list_lines(entries: Sequence[tuple[str, str]], width: int) -> Iterator[str]:
     """Yield names with their meanings: beside the names if all are short, otherwise below them."""
-    beside = max(len(name) for name, _ in entries) <= _SHORT
+    are_short = max(len(name) for name, _ in entries) <= _MOST_LETTERS_BESIDE
     for name, meaning in entries:
-        if beside:
-            indent = " " * (_SHORT + 4)
-            yield from _wrap(meaning, width, f"  {name:{_SHORT}}  ", indent)
+        if are_short:
+            indent = " " * (_MOST_LETTERS_BESIDE + 4)
+            yield from _wrap(meaning, width, f"  {name:{_MOST_LETTERS_BESIDE}}  ", indent)
         else:
             yield _INDENT + name
-            yield from _wrap(meaning, width, _TEXT, _TEXT)
+            yield from _wrap(meaning, width, _DEEP_INDENT, _DEEP_INDENT)
 
 
-def _wrap(text: str, width: int, first: str = "", others: str = "") -> list[str]:
+def _wrap(text: str, width: int, first_indent: str = "", indent: str = "") -> list[str]:
     """Break a text at its spaces only."""
     return textwrap.wrap(
         text,
         width,
-        initial_indent=first,
-        subsequent_indent=others,
+        initial_indent=first_indent,
+        subsequent_indent=indent,
         break_long_words=False,
         break_on_hyphens=False,
     )
@@ -83,10 +85,10 @@ def _break_command(command: str, width: int) -> Iterator[str]:
     for word in re.findall(r"(?:'[^']*'|\S)+", command):
         if line.strip() and len(line) + len(word) + 2 > width:
             yield f"{line}\\"
-            line = _TEXT
+            line = _DEEP_INDENT
         line += f"{word} "
     yield line.rstrip()
 
 
-def _bold(title: str) -> str:
+def _format_title(title: str) -> str:
     return title if "NO_COLOR" in os.environ else click.style(title, bold=True)

@@ -12,14 +12,14 @@ from ..views.terminal import print_line, show_table
 
 def show_machine(machine: MachineInfo, has_parameters: bool) -> None:
     """Show what a machine consists of, with its parameters or without."""
-    place = "in the plane" if machine.dimensions == 2 else "in space"
+    space = "in the plane" if machine.dimensions == 2 else "in space"
     count = machine.degrees_of_freedom
     free = f", {', '.join(machine.passive)} swinging freely" if machine.passive else ""
-    print_line(f"Machine {place} with {count} degree{'s' * (count != 1)} of freedom{free}")
+    print_line(f"Machine {space} with {count} degree{'s' * (count != 1)} of freedom{free}")
     if machine.payload is not None:
         print_line(f"Payload {machine.payload:g} kg at {machine.payload_at}")
     bodies = [(x.name, x.joint, x.on, f"{x.m:.4g}") for x in machine.bodies]
-    _show(("body", "joint", "on", "mass / kg"), bodies, 3)
+    _show_columns(("body", "joint", "on", "mass / kg"), bodies, 3)
     actuators = [
         (
             x.name,
@@ -31,15 +31,19 @@ def show_machine(machine: MachineInfo, has_parameters: bool) -> None:
         )
         for x in machine.actuators
     ]
-    _show(("actuator", "between", "length at 0 / m", "stroke / m", "start / m", "lever"), actuators, 2)
+    _show_columns(
+        ("actuator", "between", "length at 0 / m", "stroke / m", "start / m", "lever"), actuators, 2
+    )
     header = ["holding force / kN", "at start", "over all strokes", "largest at strokes / m"]
     limits = {"continuous limit": "continuous_force", "largest": "largest_force"}
     limits = {text: x for text, x in limits.items() if any(getattr(a, x) for a in machine.actuators)}
-    _show([*header, *limits], [_force_row(x, limits.values()) for x in machine.actuators], 1)
+    _show_columns([*header, *limits], [_format_forces(x, limits.values()) for x in machine.actuators], 1)
     closures = [(", ".join(x.coordinates), ", ".join(x.lengths), x.method) for x in machine.closures]
-    _show(("coordinates of", "follow from", "by"), closures, 3)
+    _show_columns(("coordinates of", "follow from", "by"), closures, 3)
     if has_parameters:
-        _show(("parameter", "value"), [(name, f"{x:.9g}") for name, x in machine.parameters.items()], 1)
+        _show_columns(
+            ("parameter", "value"), [(name, f"{x:.9g}") for name, x in machine.parameters.items()], 1
+        )
     print_line(
         "Forces hold the payload at rest, positive against extension. Lever: motion of the tip per stroke."
     )
@@ -59,7 +63,7 @@ def describe_overload(actuator: ActuatorInfo) -> str:
     return f"{actuator.name} needs {1e-3 * force:.4g} kN, but holds {1e-3 * largest:.4g} kN at the most."
 
 
-def _force_row(actuator: ActuatorInfo, limits: Iterable[str]) -> Sequence[str]:
+def _format_forces(actuator: ActuatorInfo, limits: Iterable[str]) -> Sequence[str]:
     forces = (getattr(actuator, name) for name in limits)
     return (
         actuator.name,
@@ -70,7 +74,7 @@ def _force_row(actuator: ActuatorInfo, limits: Iterable[str]) -> Sequence[str]:
     )
 
 
-def _show(header: Sequence[str], rows: Iterable[Sequence[str]], texts: int) -> None:
+def _show_columns(header: Sequence[str], rows: Iterable[Sequence[str]], texts: int) -> None:
     """Show a table, whose first columns are texts."""
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for i, name in enumerate(header):

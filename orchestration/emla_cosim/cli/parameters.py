@@ -18,7 +18,7 @@ class OptionParameter(click.Option):
 
     def __init__(self, option: Option) -> None:
         is_switch = option.type is bool
-        alone: dict[str, Any] = {"flag_value": option.alone} if option.alone else {}
+        flag_settings: dict[str, Any] = {"flag_value": option.alone} if option.alone else {}
         super().__init__(
             ["/".join(option.flags), *filter(None, [option.short]), option.name],
             is_flag=is_switch,
@@ -26,7 +26,7 @@ class OptionParameter(click.Option):
             multiple=option.is_repeatable,
             type=None if is_switch else str,
             shell_complete=None if is_switch else complete_value,
-            **alone,
+            **flag_settings,
         )
         self.option = option
 
@@ -61,9 +61,9 @@ def read_values(options: Iterable[Option], texts: dict[str, Any]) -> dict[str, A
     Raises:
         CommandError: If a text is not a value of its option.
     """
-    given = [o for o in options if texts[o.name] not in (None, ())]
-    values = {o.name: _read(o, texts[o.name]) for o in given}
-    for option in given:
+    written = [o for o in options if texts[o.name] not in (None, ())]
+    values = {o.name: _read(o, texts[o.name]) for o in written}
+    for option in written:
         value = values[option.name]
         for part in value if isinstance(value, list) else [value]:
             option.check(part)
@@ -76,7 +76,7 @@ def _read(option: Option, text: Any) -> Any:
         return option.parse(text)
     if option.is_table:
         of = get_args(option.plain_type)[1]
-        return {name: _read_entry(option, name, value, of) for name, value in _pairs(option.flag, text)}
+        return {name: _read_entry(option, name, value, of) for name, value in _split_pairs(option.flag, text)}
     if option.unit:
         return read_option(option.name, text, option.flag, known={option.name: option})
     if option.is_repeatable:
@@ -105,7 +105,7 @@ def _read_entry(option: Option, name: str, text: str, kind: Any) -> Any:
     return _read_plain(label, text, kind)
 
 
-def _pairs(flag: str, texts: Sequence[str]) -> Iterable[tuple[str, str]]:
+def _split_pairs(flag: str, texts: Sequence[str]) -> Iterable[tuple[str, str]]:
     """Yield names and values from texts NAME=VALUE. Raise CommandError for any other text."""
     for text in texts:
         name, equals, value = text.partition("=")

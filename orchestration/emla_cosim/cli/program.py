@@ -39,22 +39,22 @@ def main() -> None:
     sys.stdout, sys.stderr = (_make_writable(stream) for stream in (sys.stdout, sys.stderr))
     if "_EMLA_COMPLETE" not in os.environ:
         remove_leftovers()
-    if _command(sys.argv[1:]) in UNSUPERVISED or "_EMLA_COMPLETE" in os.environ:
+    if _find_command(sys.argv[1:]) in UNSUPERVISED or "_EMLA_COMPLETE" in os.environ:
         _run()
     else:  # compiled code of FMUs and libraries can end the process
         from .supervisor import run_supervised
 
-        run_supervised(_run, _rescue, _report)
+        run_supervised(_run, _handle_end, _report_late_call)
 
 
-def _command(arguments: Sequence[str]) -> str:
+def _find_command(arguments: Sequence[str]) -> str:
     """Return the name of the command; `--quiet` may precede it."""
     return next((a for a in arguments if not a.startswith("-")), "")
 
 
 def _run() -> None:
     try:
-        if _memory_limit() is not None:
+        if _read_memory_limit() is not None:
             os.environ.setdefault("POLARS_MAX_THREADS", "1")  # it waits for threads that get no memory
             _silence_libraries()
         with on_interrupt(_exit_interrupted):
@@ -82,7 +82,7 @@ def _run() -> None:
         if type(error).__name__ == "PanicException":  # polars has written why
             _can_write(sys.stdout)
             os._exit(1)  # the supervising process completes the results
-        if (limit := _memory_limit()) is None:
+        if (limit := _read_memory_limit()) is None:
             raise
         _exit_with_error(
             f"Error: emla needs more memory than its limit of {limit / 2**20:.0f} MiB (ulimit -v)."
@@ -94,7 +94,7 @@ def _run() -> None:
                 _redirect_to_null(stream)
 
 
-def _memory_limit() -> int | None:
+def _read_memory_limit() -> int | None:
     """Return the limit of the address space in bytes, or None if there is no limit or it is unknown."""
     if resource is None:
         return None
@@ -110,15 +110,15 @@ def _silence_libraries() -> None:
     with suppress(OSError, ValueError):
         sys.stderr.flush()
         number = sys.stderr.fileno()
-        kept = os.fdopen(os.dup(number), "w", 1, encoding=sys.stderr.encoding, errors="replace")
+        stderr_copy = os.fdopen(os.dup(number), "w", 1, encoding=sys.stderr.encoding, errors="replace")
         with Path(os.devnull).open("w") as nowhere:
             os.dup2(nowhere.fileno(), number)
-        sys.stderr = kept
+        sys.stderr = stderr_copy
 
 
-def _rescue(how: str) -> None:
+def _handle_end(how: str) -> None:
     ended = time.monotonic()
-    command = _command(sys.argv[1:])
+    command = _find_command(sys.argv[1:])
     if command not in RUNS:
         _report_end(command, how)
         return
@@ -132,16 +132,16 @@ def _report_end(command: str, how: str) -> None:
     if how in {number.name for number in POLITE}:  # it ended before its own handler was set
         sys.stderr.write("Interrupted.\n")
         return
-    limit = _memory_limit()
+    limit = _read_memory_limit()
     reason = "" if limit is None else f", perhaps at its memory limit of {limit / 2**20:.0f} MiB (ulimit -v)"
     more = " --resume continues what was begun." if command == "sweep" else ""
     sys.stderr.write(f"Error: the process of `emla {command}` ended ({how}){reason}.{more}\n")
 
 
-def _report(seconds: int, asked: bool) -> None:
+def _report_late_call(seconds: int, is_requested: bool) -> None:
     from .commands.crash_rescue import report_late_call
 
-    report_late_call(seconds, asked)
+    report_late_call(seconds, is_requested)
 
 
 def _make_writable(stream: TextIO | None) -> TextIO:

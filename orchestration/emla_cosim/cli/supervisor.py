@@ -23,10 +23,10 @@ from ..base.process import describe_exit, watch_parent
 _TIMEOUT, _LONG_TIMEOUT = 3.0, 15.0
 """Seconds that a run has to end after the second request: in a call of an FMU, and otherwise."""
 
-_PATIENCE = 20.0, 3.0
+_REPORT_DELAYS = 20.0, 3.0
 """Seconds after which a call of an FMU that does not return is reported: without a request, and after one."""
 
-_LOOK = 1.0
+_CHECK_INTERVAL = 1.0
 """Seconds between two looks at what the run does."""
 
 
@@ -126,7 +126,7 @@ class _Supervision:
             pid, status = os.waitpid(self._child, os.WNOHANG)
             if pid:
                 return os.waitstatus_to_exitcode(status)
-            if select.select([reader], [], [], _LOOK)[0]:
+            if select.select([reader], [], [], _CHECK_INTERVAL)[0]:
                 for number in os.read(reader, 64):
                     self._pass_on(number)
             self._look()
@@ -148,7 +148,7 @@ class _Supervision:
                 os.kill(self._child, signal.SIGKILL)
             return
         is_requested = self._requests == 1
-        is_late = now - max(self._called, self._requested) >= _PATIENCE[is_requested]
+        is_late = now - max(self._called, self._requested) >= _REPORT_DELAYS[is_requested]
         if calls and is_late and is_requested not in self._reported:
             self._reported.add(is_requested)
             with contextlib.suppress(OSError):

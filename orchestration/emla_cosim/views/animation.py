@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Pixels = npt.NDArray[np.uint8]
 """A frame: rows, columns, and red, green and blue."""
 
-_LAST = 1500
+_LAST_DURATION = 1500
 """Duration of the last frame in ms, before the animation repeats."""
 
 _COLOR_DISTANCE = 8
@@ -66,14 +66,14 @@ ANIMATIONS: dict[str, Animation] = {}
 
 
 def check_animated(
-    name: str, all_names: Collection[str], kept: Collection[str], roles: Mapping[str, str]
+    name: str, all_names: Collection[str], recorded: Collection[str], roles: Mapping[str, str]
 ) -> None:
     """Raise CommandError if the recorded signals of a run are not enough for an animation."""
     needed = [names for a in ANIMATIONS.values() if (names := a.signals(all_names, roles)) is not None]
     if not needed:
         takes = join_names(a.takes for a in ANIMATIONS.values())
         raise CommandError(f"'{name}' cannot be animated: an animation needs {takes}.", name=name)
-    missing = [[n for n in names if n not in kept] for names in needed]
+    missing = [[n for n in names if n not in recorded] for names in needed]
     if all(missing):
         raise CommandError(
             f"an animation needs signals that are not recorded: {join_names(missing[0])}.", missing=missing[0]
@@ -109,32 +109,34 @@ def write_gif(film: Film, stream: IO[bytes], progress: Progress) -> None:
     """Write a film that repeats forever. Raise RunError if Ctrl-C interrupts it."""
     from PIL import Image
 
-    def image(index: int) -> "Image.Image":
-        if asked():
+    def image(frame_index: int) -> "Image.Image":
+        if is_interrupted():
             raise RunError("the animation was interrupted.")
         progress.advance(1)
-        return Image.fromarray(film[index]).quantize(palette=colors, dither=Image.Dither.NONE)
+        return Image.fromarray(film[frame_index]).quantize(palette=colors, dither=Image.Dither.NONE)
 
-    colors = _colors(film[len(film) - 1])
-    seen = round(1000 * film.period)
-    with catch_interrupts() as asked:
+    colors = _make_palette(film[len(film) - 1])
+    frame_duration = round(1000 * film.period)
+    with catch_interrupts() as is_interrupted:
         image(0).save(
             stream,
             format="GIF",
             save_all=True,
             append_images=(image(i) for i in range(1, len(film))),
-            duration=[seen] * (len(film) - 1) + [_LAST],
+            duration=[frame_duration] * (len(film) - 1) + [_LAST_DURATION],
             loop=0,
         )
 
 
-def _colors(frame: Pixels) -> "Image.Image":
+def _make_palette(frame: Pixels) -> "Image.Image":
     """Return an image with the palette: the colours of a frame, with its background exactly."""
     from PIL import Image
 
     # small areas keep their colours, such as the path of the tip
-    found = Image.fromarray(frame).quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    palette, background = np.reshape(found.getpalette() or (), (-1, 3)), frame[0, 0].astype(int)
+    quantized = Image.fromarray(frame).quantize(
+        256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
+    )
+    palette, background = np.reshape(quantized.getpalette() or (), (-1, 3)), frame[0, 0].astype(int)
     palette[(np.abs(palette - background) < _COLOR_DISTANCE).all(axis=1)] = background
-    found.putpalette(palette.ravel().tolist())
-    return found
+    quantized.putpalette(palette.ravel().tolist())
+    return quantized

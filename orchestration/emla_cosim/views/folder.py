@@ -54,11 +54,11 @@ class Folder:
         self.path, self.overwrite = path, overwrite
         try:
             self._place = path.resolve()
-            wrong = (path.exists() or path.is_symlink()) and not path.is_dir()
+            is_not_folder = (path.exists() or path.is_symlink()) and not path.is_dir()
         except (OSError, ValueError, RuntimeError) as error:
             reason = getattr(error, "strerror", None) or error
             raise CommandError(f"the output folder {str(path)!r} cannot be written: {reason}.") from error
-        if wrong:
+        if is_not_folder:
             raise CommandError(f"the output folder '{path}' cannot be written: it is not a folder.")
         self.check_files((*self.files, *self.pictures))
 
@@ -84,13 +84,13 @@ class Folder:
 
     def _find_strange(self, names: Sequence[str]) -> str | None:
         """Return a file that a command of this kind did not write, or None if it may write here."""
-        if (taken := next((name for name in names if not is_new(self._place / name)), None)) is not None:
-            return taken
+        if (nonempty := next((name for name in names if not is_new(self._place / name)), None)) is not None:
+            return nonempty
         if any(has_record(self._place, record) for record in RECORDS):
             return None
         # hidden files, such as those of a killed command, are in nobody's way, nor are empty ones
-        others = sorted(set(os.listdir(self._place)).difference(names))  # noqa: PTH208
-        return next((name for name in others if not name.startswith(".")), None)
+        unknown = sorted(set(os.listdir(self._place)).difference(names))  # noqa: PTH208
+        return next((name for name in unknown if not name.startswith(".")), None)
 
     def has_own_record(self) -> bool:
         """Return whether a command of this kind wrote to the folder. Raises OSError."""
@@ -121,10 +121,10 @@ class Folder:
         ):
             yield stream
 
-    def _check_again(self, place: Path) -> None:
+    def _check_again(self, path: Path) -> None:
         """Raise NotAFileError if a file of the user appeared while the command ran."""
-        if not (self.overwrite or is_new(place) or has_record(place.parent, self.record_file)):
-            raise NotAFileError(0, f"'{place.name}' appeared while emla ran, and emla did not write it")
+        if not (self.overwrite or is_new(path) or has_record(path.parent, self.record_file)):
+            raise NotAFileError(0, f"'{path.name}' appeared while emla ran, and emla did not write it")
 
     def remove(self, names: Iterable[str]) -> None:
         """Remove files that a command of this kind wrote.
@@ -138,7 +138,7 @@ class Folder:
 
     def check_unread(self, read: Iterable[Mapping[Path, str]]) -> None:
         """Raise CommandError if an output file is also an input. `read` describes the inputs by path."""
-        used = {file: what for files in read for file, what in files.items()}
+        used = {file: label for files in read for file, label in files.items()}
         if self._place.is_dir():
             check_output_files(self.roles, used)
 
@@ -156,7 +156,7 @@ class Folder:
         Raises:
             CommandError: If another command uses the folder, or it cannot be created.
         """
-        missing = [place for place in (self._place, *self._place.parents) if not place.exists()]
+        missing = [folder for folder in (self._place, *self._place.parents) if not folder.exists()]
         try:
             self._place.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -168,14 +168,14 @@ class Folder:
                 self._remove_leftovers()
                 yield
         finally:
-            for place in missing:
+            for folder in missing:
                 with contextlib.suppress(OSError):  # it is not empty
-                    place.rmdir()
+                    folder.rmdir()
 
     def _remove_leftovers(self) -> None:
-        for place in (self._place, *(self._place / name for name in self.inner)):
-            if not place.is_symlink():
-                remove_unfinished(place)
+        for folder in (self._place, *(self._place / name for name in self.inner)):
+            if not folder.is_symlink():
+                remove_unfinished(folder)
         with contextlib.suppress(OSError):
             manifest = self._place / _OLD_MANIFEST
             if is_regular(manifest) and has_format("emla-output")(manifest):

@@ -35,29 +35,29 @@ def describe_stepping(result: "Result") -> Iterator[str]:
         return
     rate, factor = result.steps / result.wall_s, result.simulated_s / result.wall_s
     rejected = result.stepping.get("rejected_steps")
-    tried = f" ({rejected} more rejected)" if rejected is not None else ""
+    rejected_text = f" ({rejected} more rejected)" if rejected is not None else ""
     threads = result.stepping.get("threads", 1)
-    how = f", in {threads} threads" if threads > 1 else ""
+    threads_text = f", in {threads} threads" if threads > 1 else ""
     yield (
-        f"{format_count(result.steps, 'step')}{tried} in {result.wall_s:.2f} s: "
-        f"{rate:.0f} steps/s, {factor:.2g} x real time{how}"
+        f"{format_count(result.steps, 'step')}{rejected_text} in {result.wall_s:.2f} s: "
+        f"{rate:.0f} steps/s, {factor:.2g} x real time{threads_text}"
     )
     if (reason := result.stepping.get("compiled_code_not_kept")) is not None:
         yield f"The stepper in C could not be stored; the next run compiles it again: {reason}"
     loops = result.stepping.get("loops", [])
     if loops:
         each = result.stepping["sweeps_over_loops"] / len(loops) / result.steps
-        what = "One loop" if len(loops) == 1 else f"{len(loops)} loops"
-        yield f"{what} agreed after {each:.3g} {'sweep' if each == 1 else 'sweeps'} a step"
+        loops_text = "One loop" if len(loops) == 1 else f"{len(loops)} loops"
+        yield f"{loops_text} agreed after {each:.3g} {'sweep' if each == 1 else 'sweeps'} a step"
     coupling = result.record.get("coupling", {})
     yield from (coupling[name] for name in ("delay", "summary") if name in coupling)
     if result.pacing is not None:
-        kept = result.pacing
+        pacing = result.pacing
         yield (
-            f"{format_count(int(kept['overruns']), 'overrun')} at "
-            f"{format_count(int(kept['points']), 'point')} of "
-            f"{kept['factor']:g} x real time; "
-            f"the longest delay was {1e3 * kept['worst_delay_s']:.2f} ms"
+            f"{format_count(int(pacing['overruns']), 'overrun')} at "
+            f"{format_count(int(pacing['points']), 'point')} of "
+            f"{pacing['factor']:g} x real time; "
+            f"the longest delay was {1e3 * pacing['worst_delay_s']:.2f} ms"
         )
 
 
@@ -76,7 +76,7 @@ def list_signal_texts(
 PROFILE_COLUMNS = ("time / s", "share / %", "steps", "µs/step", "calls")
 """Titles of the columns of a profile, beside the names."""
 
-_RECORDERS = {"metrics": "metrics", "table": "table of results", "waiting for real time": ""}
+_RECORDER_TITLES = {"metrics": "metrics", "table": "table of results", "waiting for real time": ""}
 """Titles of activities, by their names in run.json; those without a title keep their names."""
 
 
@@ -92,35 +92,35 @@ def list_profile_rows(result: "Result", most: int) -> list[ProfileRow]:
     profile = result.profile
     if profile is None:
         return []
-    rows, whole = list[ProfileRow](), profile["total_s"]
+    rows, total = list[ProfileRow](), profile["total_s"]
     fmus = sorted(profile["fmus"].items(), key=lambda found: -found[1]["seconds"])
-    for name, found in fmus[:most]:
-        steps = found["calls"].get("steps", {"count": 0, "seconds": 0.0})
+    for name, measured in fmus[:most]:
+        steps = measured["calls"].get("steps", {"count": 0, "seconds": 0.0})
         count = steps["count"]
         each = f"{1e6 * steps['seconds'] / count:.3g}" if count else ""
-        calls = sum(one["count"] for one in found["calls"].values())
-        label = f"{name} (own process)" if found["separate_process"] else name
-        rows.append(_profile_row(label, found["seconds"], whole, str(count), each, str(calls)))
+        calls = sum(call["count"] for call in measured["calls"].values())
+        label = f"{name} (own process)" if measured["separate_process"] else name
+        rows.append(_make_profile_row(label, measured["seconds"], total, str(count), each, str(calls)))
     if others := fmus[most:]:
-        seconds = sum(found["seconds"] for _, found in others)
-        rows.append(_profile_row(format_count(len(others), "other FMU"), seconds, whole))
-    rows.append(_profile_row("master", profile["master"]["seconds"], whole))
+        seconds = sum(measured["seconds"] for _, measured in others)
+        rows.append(_make_profile_row(format_count(len(others), "other FMU"), seconds, total))
+    rows.append(_make_profile_row("master", profile["master"]["seconds"], total))
     if (waiting := profile.get("separate_processes")) is not None:
-        rows.append(_profile_row("waiting for other processes", waiting["seconds"], whole))
-    named, others = dict[str, float](), 0.0
-    for name, found in profile["recorders"].items():
-        if name in _RECORDERS:
-            named[_RECORDERS[name] or name] = found["seconds"]
+        rows.append(_make_profile_row("waiting for other processes", waiting["seconds"], total))
+    recorder_seconds, others = dict[str, float](), 0.0
+    for name, measured in profile["recorders"].items():
+        if name in _RECORDER_TITLES:
+            recorder_seconds[_RECORDER_TITLES[name] or name] = measured["seconds"]
         else:
-            others += found["seconds"]
-    rows += [_profile_row(name, seconds, whole) for name, seconds in named.items()]
-    rows.append(_profile_row("other recorders", others, whole))
-    rows.append(_profile_row("this measurement", profile["profiler"]["seconds"], whole))
+            others += measured["seconds"]
+    rows += [_make_profile_row(name, seconds, total) for name, seconds in recorder_seconds.items()]
+    rows.append(_make_profile_row("other recorders", others, total))
+    rows.append(_make_profile_row("this measurement", profile["profiler"]["seconds"], total))
     return rows
 
 
-def _profile_row(name: str, seconds: float, whole: float, *more: str) -> ProfileRow:
-    values = f"{seconds:.4g}", f"{100.0 * seconds / whole if whole else 0.0:.1f}", *more
+def _make_profile_row(name: str, seconds: float, total: float, *more: str) -> ProfileRow:
+    values = f"{seconds:.4g}", f"{100.0 * seconds / total if total else 0.0:.1f}", *more
     return ProfileRow(name, (*values, *("",) * (len(PROFILE_COLUMNS) - len(values))))
 
 
@@ -143,13 +143,13 @@ def format_short(value: Any) -> str:
 
 def list_overrides(result: "Result") -> list[tuple[str, Any]]:
     """Return the overrides of the scenario: the name of an option or of what it sets, and the value."""
-    found = []
+    overrides = []
     for name, value in (result.record.get("changed") or {}).items():
         if isinstance(value, Mapping):
-            found += [(f"{name} {inner}", v) for inner, v in value.items()]
+            overrides += [(f"{name} {inner}", v) for inner, v in value.items()]
         else:
-            found.append((name, value))
-    return found
+            overrides.append((name, value))
+    return overrides
 
 
 def format_value(value: Any) -> str:

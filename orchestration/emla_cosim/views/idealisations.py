@@ -21,7 +21,7 @@ def list_idealisations(result: Result) -> list[IdealisationRow]:
     """Return all that objects of metrics idealise."""
     return [
         IdealisationRow(subject, entry["sentence"], entry["option"], entry["source"])
-        for subject, entries in _by_subject(result).items()
+        for subject, entries in _list_by_subject(result).items()
         for entry in entries
     ]
 
@@ -29,7 +29,7 @@ def list_idealisations(result: Result) -> list[IdealisationRow]:
 def describe_idealisations(result: Result) -> str | None:
     """Return in one line what objects of metrics idealise; None if nothing."""
     subjects, sources = dict[str, list[str]](), dict[str, None]()
-    for subject, entries in _by_subject(result).items():
+    for subject, entries in _list_by_subject(result).items():
         subjects.setdefault(", ".join(entry["label"] for entry in entries), []).append(subject)
         sources |= dict.fromkeys(entry["source"] for entry in entries if entry["source"])
     labels = {text: join_names(names) for text, names in subjects.items() if text}
@@ -40,6 +40,6 @@ def describe_idealisations(result: Result) -> str | None:
     return f"Idealised: {'; '.join(parts)} ({values}metrics.json has the option for each)"
 
 
-def _by_subject(result: Result) -> dict[str, Sequence[Mapping[str, str]]]:
+def _list_by_subject(result: Result) -> dict[str, Sequence[Mapping[str, str]]]:
     kinds = result.metrics.values()
     return {of: figures[IDEALISED] for kind in kinds for of, figures in kind.items() if IDEALISED in figures}

@@ -28,7 +28,7 @@ from ..run.plot_formats import PLOT_FORMATS
 from ..run.result import Result
 from .animation import ANIMATIONS, animate
 from .folder import Folder
-from .plots.pictures import FIGURES, drawn
+from .plots.pictures import FIGURES, draw_figures
 
 METRICS, RECORD, REPORT = "metrics.json", "run.json", "report.html"
 
@@ -77,8 +77,8 @@ class OutputFolder(Folder):
         self.files = [self.results.name, METRICS, RECORD]
         self.files += [REPORT] * report + pictures * plots + animations * animated
         plotted = [f"{name}.{ending}" for name in FIGURES for ending in PLOT_FORMATS]
-        known = [*table_names(), METRICS, RECORD, REPORT, *plotted, *animations]
-        self.pictures = [name for name in known if name not in self.files]
+        possible = [*table_names(), METRICS, RECORD, REPORT, *plotted, *animations]
+        self.pictures = [name for name in possible if name not in self.files]
         super().__init__(path, overwrite)
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -97,7 +97,7 @@ class OutputFolder(Folder):
 
     def recorders(self, scenario: str, continued: bool) -> list[Recorder]:
         """Return the recorders for the table of results; `continued` extends the table in this folder."""
-        return [_FolderBeginner(self, scenario, continued), self.table()]
+        return [_FolderStarter(self, scenario, continued), self.table()]
 
     def table(self) -> Table:
         """Return the recorder for the table of results."""
@@ -111,15 +111,15 @@ class OutputFolder(Folder):
             RunError: If writing fails.
         """
         self.check_files((*self.files, *self.pictures))
-        kept = [RECORD, *(table_names() if keep_results else ())]
+        retained = [RECORD, *(table_names() if keep_results else ())]
         # the record is replaced, so that the folder has one at any time; a full disk has room for it now
-        self.remove(name for name in (*self.files, *self.pictures) if name not in kept)
+        self.remove(name for name in (*self.files, *self.pictures) if name not in retained)
         self.write_json(RECORD, {"scenario": scenario, "status": UNFINISHED_STATUS})
 
     def write_table(self, result: Result) -> None:
         """Write the table of a result that has it in memory. Raises RunError."""
-        kept = result.read(["time", *result.names])
-        columns = list(kept)[1:]
+        data = result.read(["time", *result.names])
+        columns = list(data)[1:]
         units = [result.units[name] for name in columns]
         types = {name: kind for name, kind in result.types.items() if name in columns}
         texts = Texts()
@@ -129,7 +129,7 @@ class OutputFolder(Folder):
             outline = Outline(columns, units, result.times, range(len(columns)), types=types, texts=texts)
             table.begin(outline)
             try:
-                table.write(_rows(kept, texts))
+                table.write(_encode_rows(data, texts))
             finally:
                 table.end()
 
@@ -170,36 +170,36 @@ class OutputFolder(Folder):
         Raises:
             RunError: If writing fails, or plots or an animation are interrupted.
         """
-        told = progress or Progress()
+        reporter = progress or Progress()
         figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
-        self.write_json(METRICS, {**to_plain(figures), "run": _run_metrics(result)})
+        self.write_json(METRICS, {**to_plain(figures), "run": _collect_run_metrics(result)})
         self.write_json(RECORD, result.record)
         written = list[Path]()
         if report:
             from .run_page.page import render_page
 
-            told.begin("writing the report", 1)
+            reporter.begin("writing the report", 1)
             written.append(self.write(REPORT, render_page(result, notes).encode("utf-8", "replace")))
-            told.advance(1)
+            reporter.advance(1)
         if result.steps == 0 or result.table is None:
             return written
         if plots:
-            written += self._draw_all(result, told, interrupted)
+            written += self._draw_all(result, reporter, interrupted)
         if animated:
-            written += [self.path / name for name in animate(result, self.open, told)]
+            written += [self.path / name for name in animate(result, self.open, reporter)]
         return written
 
-    def _draw_all(self, result: Result, told: Progress, interrupted: Callable[[], bool]) -> list[Path]:
+    def _draw_all(self, result: Result, progress: Progress, interrupted: Callable[[], bool]) -> list[Path]:
         """Draw the plots, all or none."""
-        told.begin("drawing plots", len(FIGURES))
-        written, figures = list[Path](), drawn(result)
+        progress.begin("drawing plots", len(FIGURES))
+        written, figures = list[Path](), draw_figures(result)
         try:
             while not interrupted():
-                if (found := next(figures, None)) is None:
+                if (named_figure := next(figures, None)) is None:
                     return written
-                name, figure = found
+                name, figure = named_figure
                 written += [self.draw(f"{name}.{self.plot_format}", figure)] if figure is not None else []
-                told.advance(1)
+                progress.advance(1)
         except BaseException:
             self.remove(path.name for path in written)
             raise
@@ -208,24 +208,24 @@ class OutputFolder(Folder):
 
     def change_record(self, **entries: Any) -> None:
         """Add or replace entries of run.json. Raises RunError."""
-        self.write_json(RECORD, self._record() | entries)
+        self.write_json(RECORD, self._read_record() | entries)
 
     def status(self) -> str:
         """Return the status in run.json, or nothing without a run.json."""
         with report_write_errors(self.path):
-            return str(self._record().get("status", ""))
+            return str(self._read_record().get("status", ""))
 
-    def _record(self) -> dict[str, Any]:
+    def _read_record(self) -> dict[str, Any]:
         """Return the content of run.json, or nothing if it is missing or invalid."""
-        place = self._place / RECORD
+        path = self._place / RECORD
         try:
-            found = json.loads(place.read_text(encoding="utf-8")) if place.is_file() else {}
+            content = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
         except ValueError:
             return {}
-        return found if isinstance(found, dict) else {}
+        return content if isinstance(content, dict) else {}
 
 
-class _FolderBeginner(Recorder):
+class _FolderStarter(Recorder):
     """Begins the folder when a run begins, but not after an invalid command."""
 
     def __init__(self, folder: OutputFolder, scenario: str, continued: bool) -> None:
@@ -239,7 +239,7 @@ class _FolderBeginner(Recorder):
         self._folder.begin(self._scenario, keep_results=self._continued)
 
 
-def _rows(columns: Mapping[str, Any], texts: Texts) -> Vector:
+def _encode_rows(columns: Mapping[str, Any], texts: Texts) -> Vector:
     numbers = (
         np.array([texts.encode(text) for text in values]) if values.dtype == object else values
         for values in columns.values()
@@ -247,8 +247,8 @@ def _rows(columns: Mapping[str, Any], texts: Texts) -> Vector:
     return np.column_stack([values.astype(float) for values in numbers])
 
 
-def _run_metrics(result: Result) -> dict[str, Any]:
-    found = result.run_figures
+def _collect_run_metrics(result: Result) -> dict[str, Any]:
+    metrics = result.run_figures
     if result.pacing is not None:
-        found["real_time"] = result.pacing
-    return found
+        metrics["real_time"] = result.pacing
+    return metrics

@@ -11,7 +11,7 @@ from rich.text import Text
 from ..base.progress import CompatibilityReport, Progress
 from .terminal import ERR, get_verbosity
 
-_WORTH_A_LOOK = ("is left out", "keeps its start value", "is not used")
+_NOTABLE_VERDICTS = ("is left out", "keeps its start value", "is not used")
 
 
 class _Rate(ProgressColumn):
@@ -78,7 +78,7 @@ class BarProgress(Progress):
         for column in ("", "here", "there", ""):
             table.add_column(column)
         for match in fit.matches:
-            style = "bold red" if match.fatal else "yellow" if match.verdict in _WORTH_A_LOOK else ""
+            style = "bold red" if match.fatal else "yellow" if match.verdict in _NOTABLE_VERDICTS else ""
             table.add_row(
                 *map(escape, (match.kind, match.original, match.replacement, match.verdict)), style=style
             )

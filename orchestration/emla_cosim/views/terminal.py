@@ -50,7 +50,7 @@ class _Stderr:
 _MOST_SIGNALS = 10
 """Most signals outside their tubes to show."""
 
-_UNFOLDED = 10_000
+_UNFOLDED_WIDTH = 10_000
 """Number of columns that every table fits in."""
 _MOST_FIGURES = 20
 """Most signals whose metrics to show."""
@@ -83,10 +83,10 @@ _verbosity = Verbosity()
 
 
 @contextmanager
-def use_verbosity(what: Verbosity) -> Iterator[None]:
+def use_verbosity(verbosity: Verbosity) -> Iterator[None]:
     """Set the verbosity inside a `with` block."""
     global _verbosity
-    before, _verbosity = _verbosity, what
+    before, _verbosity = _verbosity, verbosity
     try:
         yield
     finally:
@@ -98,7 +98,7 @@ def get_verbosity() -> Verbosity:
     return _verbosity
 
 
-def show(shown: RenderableType, asked_for: bool = False, **how: Any) -> None:
+def show(content: RenderableType, asked_for: bool = False, **how: Any) -> None:
     """Print something, unless `--quiet` is set and it is not the purpose of the command (`asked_for`).
 
     Raises:
@@ -107,13 +107,13 @@ def show(shown: RenderableType, asked_for: bool = False, **how: Any) -> None:
     if _verbosity.quiet and not asked_for:
         return
     with _flush_output():
-        OUT.print(shown, **how)
+        OUT.print(content, **how)
 
 
 def show_table(table: Table) -> None:
     """Print a table as wide as the terminal, or without a terminal so wide that no cell is folded."""
     with _flush_output():
-        (OUT if OUT.is_terminal else _SafeConsole(width=_UNFOLDED)).print(table)
+        (OUT if OUT.is_terminal else _SafeConsole(width=_UNFOLDED_WIDTH)).print(table)
 
 
 def print_exactly(text: str) -> None:
@@ -160,9 +160,9 @@ def show_result(
 
 def format_result(result: "Result") -> str:
     """Return remarks, metrics as tables, and the error message of a result as plain text."""
-    console = _SafeConsole(file=StringIO(), width=_UNFOLDED, color_system=None, legacy_windows=False)
-    said = [*filter(None, [result.problem]), *describe_stepping(result)]
-    for part in (*_list_metrics(result), *_list_profile(result), *said):
+    console = _SafeConsole(file=StringIO(), width=_UNFOLDED_WIDTH, color_system=None, legacy_windows=False)
+    messages = [*filter(None, [result.problem]), *describe_stepping(result)]
+    for part in (*_list_metrics(result), *_list_profile(result), *messages):
         console.print(part, markup=False, highlight=False, soft_wrap=isinstance(part, str))
     return cast(StringIO, console.file).getvalue().rstrip()
 
@@ -180,7 +180,7 @@ def show_warning(sentence: str) -> None:
 
 def _format_message(sentence: str) -> str:
     """Escape markup, and line breaks of names: lines of a list of problems are indented."""
-    return escape(re.sub(r"[\r\n](?!  )", lambda found: repr(found[0])[1:-1], sentence.strip()))
+    return escape(re.sub(r"[\r\n](?!  )", lambda match: repr(match[0])[1:-1], sentence.strip()))
 
 
 def show_interrupted() -> None:
@@ -207,7 +207,7 @@ def _list_metrics(result: "Result") -> Iterator[Table | str]:
     title = f"{result.name}, {result.end_s - result.times.start:g} s simulated"
     for kind, figures in result.metrics.items():
         if result.shown[kind]:
-            yield _figures(title, figures, result.shown[kind])
+            yield _make_metric_table(title, figures, result.shown[kind])
     if not any(result.metrics.values()) and result.signals:
         yield from _list_signals(result, title)
     if (idealised := describe_idealisations(result)) is not None:
@@ -227,13 +227,13 @@ def _list_profile(result: "Result") -> Iterator[Table]:
     yield table
 
 
-def _figures(title: str, figures: "Figures", shown: "Sequence[MetricDisplay]") -> Table:
+def _make_metric_table(title: str, figures: "Figures", displays: "Sequence[MetricDisplay]") -> Table:
     table = Table(title=escape(title), title_justify="left")
     table.add_column("")
     for name in figures:
         table.add_column(escape(name), justify="right")
     table.add_column("")
-    for figure in shown:
+    for figure in displays:
         values = (format_figure(f[figure.name], figure) for f in figures.values())
         table.add_row(escape(figure.label), *values, escape(figure.unit))
     return table
@@ -260,16 +260,18 @@ def _show_agreement(result: "Result") -> None:
         select_outside,  # it loads NumPy, which most output does not need
     )
 
-    left = select_outside(result.comparisons)
-    place = result.record["reference"]["run"]
+    outside = select_outside(result.comparisons)
+    reference = result.record["reference"]["run"]
     agree = format_count(len(result.comparisons), "signal agrees", "signals agree")
-    print_line(f"{len(result.comparisons) - len(left)} of {agree} with {place}")
-    if not left:
+    print_line(f"{len(result.comparisons) - len(outside)} of {agree} with {reference}")
+    if not outside:
         return
     table = Table("signal", "left tube at / s", "deviation", "allowed", "", "at / s")
-    for one in left[:_MOST_SIGNALS]:
-        figures = (f"{one.left_at:.6g}", f"{one.worst:.3g}", f"{one.tube.value:.3g}")
-        table.add_row(escape(one.signal), *figures, escape(one.unit), f"{one.worst_at:.6g}")
-    if len(left) > _MOST_SIGNALS:
-        table.add_row(f"and {len(left) - _MOST_SIGNALS} more, in run.json")
+    for comparison in outside[:_MOST_SIGNALS]:
+        figures = (f"{comparison.left_at:.6g}", f"{comparison.worst:.3g}", f"{comparison.tube.value:.3g}")
+        table.add_row(
+            escape(comparison.signal), *figures, escape(comparison.unit), f"{comparison.worst_at:.6g}"
+        )
+    if len(outside) > _MOST_SIGNALS:
+        table.add_row(f"and {len(outside) - _MOST_SIGNALS} more, in run.json")
     show(table)

@@ -44,7 +44,7 @@ def resolved(curve: Curve, bound: RangeLimit | None = None, **known: Any) -> Plo
     power = {"j.F": 2.0 + TIME, "j.v": np.cos(TIME), "j.other": TIME**2}
     result = Known({"joints": {"j": {}}}, power, **known)
     picture = Picture("p", (PanelSpec("l", (curve,), bound=bound),), "joints")
-    (found,) = picture.resolved(result, {"time": TIME, **power})  # pyright: ignore[reportArgumentType]
+    (found,) = picture.resolve_panels(result, {"time": TIME, **power})  # pyright: ignore[reportArgumentType]
     return found
 
 
@@ -151,7 +151,7 @@ def test_data_of_an_input_are_drawn() -> None:
         result: Any = Known({"joints": {"j": {}}}, data)
         torque = JOINT_FIGURES["torque"]
         read = {name: data[name] for name in torque.signals(result)}
-        _, load = torque.resolved(result, {"time": TIME, **read})
+        _, load = torque.resolve_panels(result, {"time": TIME, **read})
         np.testing.assert_allclose(load.lines[0].values, measured / 1e3)
 
 
@@ -160,7 +160,7 @@ def test_errors_show_the_load_beside_the_screw(criteria: dict[str, Any], window:
     data = {"j.plant.x_L": MOVE, "j.reference.x_d": MOVE, "j.plant.load.x": MOVE + 2e-4}
     record = {"settings": {"criteria": criteria}}
     result: Any = Known({"joints": {"j": {}}}, data, record=record)
-    panels = JOINT_FIGURES["errors"].resolved(result, {"time": TIME, **data})
+    panels = JOINT_FIGURES["errors"].resolve_panels(result, {"time": TIME, **data})
     errors = {one.label: one for one in panels}
     load = errors["load position / µm, settled"]
     np.testing.assert_allclose(load.lines[0].values, 200.0, rtol=1e-9)
@@ -208,7 +208,7 @@ def test_settled_panels_begin_where_errors_count(figures: dict[str, Any], begin:
     power = {"j.F": 2.0 + TIME, "k.F": TIME}
     result: Any = Known({"joints": {"j": figures, "k": {"evaluated_from_s": 0.7}}}, power)
     panels = (PanelSpec("all", (Curve("", "F"),)), PanelSpec("settled", (Curve("", "F"),), "settled"))
-    found = Picture("p", panels, "joints").resolved(result, {"time": TIME, **power})
+    found = Picture("p", panels, "joints").resolve_panels(result, {"time": TIME, **power})
     starts = {(panel.label, panel.column): panel.lines[0].time[0] for panel in found}
     assert starts["all", "j"] == starts["all", "k"] == TIME[0]
     assert starts["settled", "j"] == TIME[TIME >= begin][0]
@@ -244,7 +244,7 @@ def test_worst_of_many_joints_are_drawn(count: int, shown: list[str], title: str
     """Those that are not held, then those without an error, then those with the largest one."""
     result: Any = many(count)
     assert list(WORST.signals(result)) == [f"{joint}.F" for joint in shown]
-    panels = WORST.resolved(result, {"time": TIME, **result.data})
+    panels = WORST.resolve_panels(result, {"time": TIME, **result.data})
     assert [one.column for one in panels] == shown
     figure = WORST.drawn(result, {"time": TIME, **result.data})
     assert figure is not None and figure.get_suptitle() == title

@@ -12,16 +12,16 @@ from ...views.terminal import print_line, show
 
 
 def run_analysis(
-    outputs: Outputs[Any], analysis: Callable[..., Any], source: Any, name: str, given: Mapping[str, Any]
+    outputs: Outputs[Any], analysis: Callable[..., Any], source: Any, name: str, options: Mapping[str, Any]
 ) -> tuple[Any, Path]:
     """Run an analysis of a source with progress, and show its result.
 
     Returns:
         The result and its folder; without `output`, that of this name.
     """
-    folder = Path(given.get("output") or results_folder(name))
+    folder = Path(options.get("output") or results_folder(name))
     with BarProgress() as progress:
-        result = analysis(source, **{**given, "output": folder, "progress": progress})
+        result = analysis(source, **{**options, "output": folder, "progress": progress})
     show_result(outputs, result, folder)
     return result, folder
 
@@ -41,9 +41,9 @@ def show_report(report: Report) -> None:
     for section in report.sections:
         if section.is_detail:
             continue
-        shown = section.lines[: section.most]
-        _show_lines(shown)
-        if more := len(section.lines) - len(shown):
+        lines = section.lines[: section.most]
+        _show_lines(lines)
+        if more := len(section.lines) - len(lines):
             print_line(f"and {more} more, in the files")
         for table in section.tables:
             show(table.rich())

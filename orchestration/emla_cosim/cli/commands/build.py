@@ -42,8 +42,8 @@ EXAMPLES = (
     "emla build measured.csv:interpolation=held --output data",
 )
 
-_other = partial(option, group=OTHER_OPTIONS)
-_supply = partial(option, group=_SUPPLY)
+_other_option = partial(option, group=OTHER_OPTIONS)
+_supply_option = partial(option, group=_SUPPLY)
 
 
 @dataclass(frozen=True)
@@ -56,26 +56,28 @@ class Parameters:
         "FILE.toml:BLOCK, or data as FILE.csv. Default: all built-in models.",
         metavar="MODEL",
     )
-    output: Path = _other(FMU_FOLDER, help="Output folder. Default: fmus.")
-    flavour: str = _other("native", help="FMU flavour.", choices=lambda: FLAVOURS)
-    fmi: int = _other(
+    output: Path = _other_option(FMU_FOLDER, help="Output folder. Default: fmus.")
+    flavour: str = _other_option("native", help="FMU flavour.", choices=lambda: FLAVOURS)
+    fmi: int = _other_option(
         2, help="Version of FMI (3: native FMUs only, and in another folder).", choices=lambda: FMI_VERSIONS
     )
-    platform: Sequence[str] = _other(
+    platform: Sequence[str] = _other_option(
         [],
         help="FMI platform of a native FMU's binaries (repeatable). Default: all.",
         choices=lambda: PLATFORMS,
     )
-    clock: float | None = _other(
+    clock: float | None = _other_option(
         help="Interval of a periodic input clock, at whose ticks the block steps (FMI 3 only). "
         "Default: no clock.",
         unit="s",
     )
-    set: Mapping[str, str] = _supply({}, help="Start value in the FMU (repeatable).", metavar="NAME=VALUE")
-    fix: Sequence[str] = _supply(
+    set: Mapping[str, str] = _supply_option(
+        {}, help="Start value in the FMU (repeatable).", metavar="NAME=VALUE"
+    )
+    fix: Sequence[str] = _supply_option(
         [], help="Parameter, or pattern, that can be seen but not set (repeatable).", metavar="NAME"
     )
-    hide: Sequence[str] = _supply(
+    hide: Sequence[str] = _supply_option(
         [],
         help="Parameter, or pattern, that can neither be seen nor set; leaves out the sources, too "
         "(repeatable).",
@@ -84,52 +86,56 @@ class Parameters:
     no_sources: bool = switch("Leave out the C sources, and equations in the documentation.", _SUPPLY)
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Build the FMUs of models, blocks, machines and data for other tools and all platforms."""
-    flavour, fmi, output = chosen.flavour, chosen.fmi, chosen.output
-    data = [name for name in chosen.models if ".py:" not in name and is_data(name)]
-    names = [name for name in chosen.models or MODELS if name not in data]
-    if chosen.platform and flavour != "native":
+    flavour, fmi, output = parameters.flavour, parameters.fmi, parameters.output
+    data = [name for name in parameters.models if ".py:" not in name and is_data(name)]
+    names = [name for name in parameters.models or MODELS if name not in data]
+    if parameters.platform and flavour != "native":
         raise CommandError(
             "FMUs of the flavour python contain the binaries of PythonFMU; leave out --platform."
         )
-    platforms = chosen.platform or list(PLATFORMS)
+    platforms = parameters.platform or list(PLATFORMS)
     blocks = {name: block for text in names for name, block in _find_blocks(text).items()}
-    disclosure = Disclosure(not chosen.no_sources, dict(chosen.set), tuple(chosen.fix), tuple(chosen.hide))
-    if data and (flavour != "native" or chosen.clock is not None or disclosure != Disclosure()):
+    disclosure = Disclosure(
+        not parameters.no_sources, dict(parameters.set), tuple(parameters.fix), tuple(parameters.hide)
+    )
+    if data and (flavour != "native" or parameters.clock is not None or disclosure != Disclosure()):
         raise CommandError(f"'{data[0]}' has data, for which there are only --fmi, --platform and --output.")
-    if len(blocks) > 1 and (chosen.set or chosen.fix or chosen.hide):
+    if len(blocks) > 1 and (parameters.set or parameters.fix or parameters.hide):
         raise CommandError("--set, --fix and --hide are for one model; name it.")
     for model in blocks.values():
-        check_disclosure(model, flavour, output, disclosure, fmi, chosen.clock)
-    overwrite = given.get("overwrite", False)
-    places = dict[str, Path]()
+        check_disclosure(model, flavour, output, disclosure, fmi, parameters.clock)
+    overwrite = options.get("overwrite", False)
+    paths_by_name = dict[str, Path]()
     for name, model in blocks.items():
         check_build_path(model, flavour, output, overwrite)
-        places[name] = fmu_path(model if isinstance(model, str) else model.__name__, flavour, output)
+        paths_by_name[name] = fmu_path(model if isinstance(model, str) else model.__name__, flavour, output)
     for name in data:
         from ...inputs.table_fmus import data_fmu_path  # loads polars
 
-        places[name] = data_fmu_path(name, output)
-    names_of = dict[str, str]()
-    for name, place in places.items():
-        other = names_of.setdefault(str(place).casefold(), name)  # some file systems ignore case
-        if other != name:
-            raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
+        paths_by_name[name] = data_fmu_path(name, output)
+    name_by_path = dict[str, str]()
+    for name, file in paths_by_name.items():
+        first_name = name_by_path.setdefault(str(file).casefold(), name)  # some file systems ignore case
+        if first_name != name:
+            raise CommandError(
+                f"the FMUs of '{first_name}' and '{name}' have the same name; build one at a time."
+            )
     with BarProgress() as progress:
         paths, notes = [], []
         for name, model in blocks.items():
             progress.begin(name, len(platforms) if flavour == "native" else 1)
-            done = partial(progress.advance, 1)
-            more = overwrite, disclosure, fmi, chosen.clock
-            paths.append(build(model, flavour, platforms, output, done, *more))
+            on_platform = partial(progress.advance, 1)
+            settings = overwrite, disclosure, fmi, parameters.clock
+            paths.append(build(model, flavour, platforms, output, on_platform, *settings))
             progress.finish()
         for name in data:
             from ...inputs.table_fmus import build_data_fmu
 
-            path, told = build_data_fmu(name, output, platforms, overwrite, fmi)
+            path, data_notes = build_data_fmu(name, output, platforms, overwrite, fmi)
             paths.append(path)
-            notes += told
+            notes += data_notes
     for note in notes:
         print_line(f"Note: {note}")
     for path in paths:

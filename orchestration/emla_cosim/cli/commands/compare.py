@@ -39,7 +39,7 @@ def _read_reserves(text: str) -> list[float]:
         ) from None
 
 
-_who = partial(option, group="What is compared")
+_compared_option = partial(option, group="What is compared")
 
 
 @dataclass(frozen=True)
@@ -49,35 +49,35 @@ class Parameters:
     scenario: str = argument(
         help="Name of a built-in scenario, or scenario file (.toml).", metavar="SCENARIO"
     )
-    controllers: Sequence[str] | None = _who(
+    controllers: Sequence[str] | None = _compared_option(
         help="Controllers: names, FILE.fmu or FILE.py:BLOCK. Default: all in `emla list`.",
         metavar="NAME,...",
         parse=_split_names,
     )
-    gains: Sequence[str] | None = _who(
+    gains: Sequence[str] | None = _compared_option(
         help="Gain sets: SET for all controllers that have it, CONTROLLER/SET for one, recommended, "
         "or all. Default: the recommended set of each controller.",
         metavar="SET,...",
         parse=_split_names,
     )
-    table: str | None = _who(
+    table: str | None = _compared_option(
         help="paper: the paper's tables beside ours, all gain sets. robustness: many variants, with "
         "the gain sets robust and rule too. stability: maps over delay and parameters. "
         "margins: stability margins of each joint's loops. "
         "certificate: the stability proof of RSBA's gain sets.",
         metavar="|".join((*TABLES, CERTIFICATE)),
     )
-    seeds: int | None = _who(
+    seeds: int | None = _compared_option(
         help="Number of runs with random effects, with seeds that no tuning used; 0: one run with the "
         f"scenario's seeds. Default: {SEEDS}; for {STABILITY} 0."
     )
-    reserves: Sequence[float] | None = _who(
+    reserves: Sequence[float] | None = _compared_option(
         help="Fractions of current and voltage that every controller keeps in reserve, such as "
         "0.02,0.2. Default: those of its gain set.",
         metavar="CURRENT,VOLTAGE",
         parse=_read_reserves,
     )
-    resolution: int | None = _who(
+    resolution: int | None = _compared_option(
         help=f"Points along each axis of the maps of {STABILITY}. Default: {RESOLUTION}."
     )
     scheduler: str | None = scheduler()
@@ -85,26 +85,28 @@ class Parameters:
     report: bool = report()
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Compare several controllers in the same scenario."""
-    name = Path(chosen.scenario).stem
-    if chosen.table == CERTIFICATE:
-        _check_certificate(chosen)
-        given.pop("plots", None)
-        given |= {"gains": chosen.gains, "report": chosen.report}
-        run_analysis(certificates.OUTPUTS, certify_gains, chosen.scenario, name, given)
+    name = Path(parameters.scenario).stem
+    if parameters.table == CERTIFICATE:
+        _check_certificate(parameters)
+        options.pop("plots", None)
+        options |= {"gains": parameters.gains, "report": parameters.report}
+        run_analysis(certificates.OUTPUTS, certify_gains, parameters.scenario, name, options)
         return
-    given = {"plots": True, **given, **vars(chosen)}
-    result, folder = run_analysis(OUTPUTS, compare, given.pop("scenario"), name, given)
+    options = {"plots": True, **options, **vars(parameters)}
+    result, folder = run_analysis(OUTPUTS, compare, options.pop("scenario"), name, options)
     if not result.complete:
         raise CosimError(f"interrupted; results so far are in {folder}.")
 
 
-def _check_certificate(chosen: Parameters) -> None:
+def _check_certificate(parameters: Parameters) -> None:
     """Raise CommandError for options that a certificate does not support."""
-    if chosen.controllers not in (None, ["rsba"]):
-        names = ",".join(chosen.controllers)
+    if parameters.controllers not in (None, ["rsba"]):
+        names = ",".join(parameters.controllers)
         raise CommandError(f"--table certificate supports only the controller rsba, not {names}.")
-    others = ("seeds", "reserves", "resolution", "scheduler", "workers")
-    if any(getattr(chosen, name) is not None for name in others):
-        raise CommandError(f"--table certificate does not support {join_names(f'--{x}' for x in others)}.")
+    unsupported = ("seeds", "reserves", "resolution", "scheduler", "workers")
+    if any(getattr(parameters, name) is not None for name in unsupported):
+        raise CommandError(
+            f"--table certificate does not support {join_names(f'--{x}' for x in unsupported)}."
+        )

@@ -70,7 +70,7 @@ class CrashPlan:
     output: Mapping[str, Any]
     notes: Sequence[str]
     verbosity: Verbosity
-    begun: StartedRun | None = None
+    started_run: StartedRun | None = None
 
 
 def read_plan() -> CrashPlan | None:
@@ -117,10 +117,10 @@ class CrashRecorder(Recorder):
 
     def pause(self, run: Pause) -> None:
         """Write the plan before the first step."""
-        if not self._is_needed or self._plan.begun is not None:
+        if not self._is_needed or self._plan.started_run is not None:
             return
         if isinstance(self._table, FileTable):  # a registered format can only be written by its own process
-            begun = StartedRun(
+            started_run = StartedRun(
                 replace(self._simulation.so_far(), table=None),
                 self._outline,
                 run.shown,
@@ -131,7 +131,7 @@ class CrashRecorder(Recorder):
                 self._table.count_stored(),
                 time.monotonic(),
             )
-            self._plan = replace(self._plan, begun=begun)
+            self._plan = replace(self._plan, started_run=started_run)
             self._write_plan()
         crash_page.current_activity().stage = Stage.STEPPING
 

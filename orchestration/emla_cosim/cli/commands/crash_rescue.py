@@ -38,7 +38,7 @@ def rescue_results(how: str, ended: float) -> None:
     """
     try:
         plan = read_plan()
-        cause = _cause(how, _list_calls(plan))
+        cause = _explain_end(how, _list_calls(plan))
     except Exception:  # an FMU overwrote memory
         show_error(f"the process of the run ended ({how}), and the data it left are not readable.")
         return
@@ -50,7 +50,9 @@ def rescue_results(how: str, ended: float) -> None:
         return
     try:
         output = OutputFolder(plan.folder, **plan.output)
-        rows = None if plan.begun is None else _read_rows(plan.begun)  # `alone` removes their file
+        rows = (
+            None if plan.started_run is None else _read_rows(plan.started_run)
+        )  # `alone` removes their file
         with output.alone(), use_verbosity(plan.verbosity):
             message = _save_results(plan, output, cause, ended, rows)
         show_error(message)
@@ -72,7 +74,7 @@ def report_late_call(seconds: int, is_requested: bool) -> None:
     ends = "Press Ctrl-C again to end the run now"
     if not is_requested:
         ends = "The run waits. Press Ctrl-C twice to end it"
-    show_warning(f"no answer from {_join(calls)} for {seconds} s. {ends}; the results so far are kept.")
+    show_warning(f"no answer from {_join_calls(calls)} for {seconds} s. {ends}; the results so far are kept.")
 
 
 def _list_calls(plan: CrashPlan | None) -> list[tuple[str, str]]:
@@ -81,31 +83,31 @@ def _list_calls(plan: CrashPlan | None) -> list[tuple[str, str]]:
     return [(plan.components[i], call) for i, call in calls if plan is not None and i is not None]
 
 
-def _join(calls: Sequence[tuple[str, str]]) -> str:
+def _join_calls(calls: Sequence[tuple[str, str]]) -> str:
     return join_names([f"{component} in {call}" for component, call in calls])
 
 
-def _cause(how: str, calls: Sequence[tuple[str, str]]) -> str:
+def _explain_end(how: str, calls: Sequence[tuple[str, str]]) -> str:
     """Return why the process ended, from the calls of components that were in progress.
 
     With several threads the component that ended it is not known.
     """
     if how == "SIGKILL":  # no process sends it to itself
-        where = f"with {_join(calls)}" if calls else "perhaps because memory ran out"
+        where = f"with {_join_calls(calls)}" if calls else "perhaps because memory ran out"
         return f"the process was killed, {where}"
     if len(calls) > 1:
-        return f"one of {_join(calls)} ended the process ({how})"
+        return f"one of {_join_calls(calls)} ended the process ({how})"
     for component, call in calls:
         return f"{component} ended the process in {call} ({how})"
     return f"the process ended ({how})"
 
 
-def _read_rows(begun: StartedRun) -> tuple[int, Vector] | None:
+def _read_rows(started_run: StartedRun) -> tuple[int, Vector] | None:
     """Return the number of rows before the newest ones, and these; None if they are not in a file."""
     activity = crash_page.current_activity()
-    if begun.row_file is None or activity.stage >= Stage.ROWS_WRITTEN:
+    if started_run.row_file is None or activity.stage >= Stage.ROWS_WRITTEN:
         return None
-    return read_rows(begun.row_file, 1 + len(begun.outline.names), activity.rows)
+    return read_rows(started_run.row_file, 1 + len(started_run.outline.names), activity.rows)
 
 
 def _save_results(
@@ -115,18 +117,18 @@ def _save_results(
     so_far = f"The results so far are in {output.path}."
     earlier = output.status()
     if crash_page.current_activity().stage == Stage.FILES_WRITTEN and earlier != UNFINISHED_STATUS:
-        whole = f"{cause}, when the results were complete."
-        problem = whole if earlier in ("", COMPLETED) else f"{earlier} Then {whole}"
+        complete_message = f"{cause}, when the results were complete."
+        problem = complete_message if earlier in ("", COMPLETED) else f"{earlier} Then {complete_message}"
         output.change_record(status=problem)
         return f"{problem} {so_far}"
-    if plan.begun is None:
+    if plan.started_run is None:
         is_stepping = crash_page.current_activity().stage == Stage.STEPPING
         problem = f"the run ended{'' if is_stepping else ' before its first step'}: {cause}."
         if (output.path / METRICS).exists():  # the run had not begun its folder
             return f"{problem} The earlier results in {output.path} stay."
         output.change_record(scenario=plan.name, status=problem)
         return f"{problem} {so_far}"
-    result = _finish_result(plan.begun, output, cause, ended, newest)
+    result = _finish_result(plan.started_run, output, cause, ended, newest)
     plots, animated, report = (plan.output[name] for name in ("plots", "animated", "report"))
     with BarProgress() as progress:
         result, pictures = output.keep(result, plots, progress, animated, report, plan.notes)
@@ -135,17 +137,17 @@ def _save_results(
 
 
 def _finish_result(
-    begun: StartedRun, output: OutputFolder, cause: str, ended: float, newest: tuple[int, Vector] | None
+    started_run: StartedRun, output: OutputFolder, cause: str, ended: float, newest: tuple[int, Vector] | None
 ) -> Result:
     """Complete the table, and return the result with the metrics of its rows."""
-    table, outline, before = output.table(), begun.outline, begun.result
+    table, outline, before = output.table(), started_run.outline, started_run.result
     assert isinstance(table, FileTable)
     metrics, remarks, first, end = MetricsRecorder(), list[str](), np.nan, before.end_s
     with recording(table):
         if crash_page.current_activity().stage < Stage.ROWS_WRITTEN:
-            remarks += _append_rows(begun, table, newest)
+            remarks += _append_rows(started_run, table, newest)
         table.open()
-        metrics.begin(_outline_of_table(outline))
+        metrics.begin(_reduce_to_table(outline))
         if not _has_all_signals(outline):
             metrics.kinds.clear()
         for rows in table.blocks():
@@ -155,10 +157,10 @@ def _finish_result(
     metrics.ended_early(problem)
     if not _has_all_signals(outline) or outline.every > 1 or first > outline.times.start:
         each = "each step" if outline.every == 1 else f"one of {outline.every} steps"
-        some = "" if _has_all_signals(outline) else ", with those of its signals alone"
+        unrecorded = "" if _has_all_signals(outline) else ", with those of its signals alone"
         remarks.append(
             f"The metrics were computed from the rows in {table.path.name}: {each} from "
-            f"t = {first:.6g} s on{some}."
+            f"t = {first:.6g} s on{unrecorded}."
         )
     remarks = [*describe_lost_values(before.record), *metrics.remarks(), *remarks]
     return replace(
@@ -168,34 +170,44 @@ def _finish_result(
         signals=metrics.signals(),
         coupling={},
         remarks=remarks,
-        steps=crash_page.current_activity().rows - begun.rows,
+        steps=crash_page.current_activity().rows - started_run.rows,
         simulated_s=end - before.end_s,
         end_s=end,
-        wall_s=ended - begun.at,
+        wall_s=ended - started_run.at,
         problem=problem,
         record={**before.record, "status": problem, "remarks": remarks},
     )
 
 
-def _append_rows(begun: StartedRun, table: FileTable, newest: tuple[int, Vector] | None) -> list[str]:
+def _append_rows(started_run: StartedRun, table: FileTable, newest: tuple[int, Vector] | None) -> list[str]:
     """Append the rows that the table has not stored yet. Return remarks on rows that are lost."""
-    outline, count = begun.outline, crash_page.current_activity().rows
-    since, every = begun.table_rows - begun.rows, outline.every  # `since`: rows of the table before this run
-    stored = table.count_stored() - begun.stored_rows
-    following = begun.table_rows + -begun.table_rows % every + stored * every - since
+    outline, count = started_run.outline, crash_page.current_activity().rows
+    earlier_rows, steps_per_row = (
+        started_run.table_rows - started_run.rows,
+        outline.every,
+    )  # `since`: rows of the table before this run
+    stored = table.count_stored() - started_run.stored_rows
+    next_row = (
+        started_run.table_rows
+        + -started_run.table_rows % steps_per_row
+        + stored * steps_per_row
+        - earlier_rows
+    )
     if newest is None:
-        table.reopen(outline, since + following)
+        table.reopen(outline, earlier_rows + next_row)
         table.end()
         return [
             f"Rows after those in {table.path.name} are lost, because they were in the memory of the "
-            f"process: the output folder had no file for them ({begun.why_no_file})."
+            f"process: the output folder had no file for them ({started_run.why_no_file})."
         ]
-    first, rows = newest[0], show_rows(newest[1], begun.shown)
+    first, rows = newest[0], show_rows(newest[1], started_run.shown)
     rows[:, outline.text_columns] = np.nan  # rows with texts are in the table
-    if count - 1 < following < count - 1 + every:  # only the last row may be missing, which was not due
-        following = count - 1
-    table.reopen(outline, since + max(following, first))
-    if len(rows := rows[max(following - first, 0) :]):
+    if (
+        count - 1 < next_row < count - 1 + steps_per_row
+    ):  # only the last row may be missing, which was not due
+        next_row = count - 1
+    table.reopen(outline, earlier_rows + max(next_row, first))
+    if len(rows := rows[max(next_row - first, 0) :]):
         table.write(rows)
     table.end()
     return []
@@ -206,7 +218,7 @@ def _has_all_signals(outline: Outline) -> bool:
     return list(outline.recorded) == list(range(len(outline.names)))
 
 
-def _outline_of_table(outline: Outline) -> Outline:
+def _reduce_to_table(outline: Outline) -> Outline:
     """Return the outline of the rows in the table."""
     if not _has_all_signals(outline):
         names, units = ([values[i] for i in outline.recorded] for values in (outline.names, outline.units))

@@ -34,19 +34,19 @@ class Parameters:
     file: Path = argument(help="SSP, FMU or C file to write.", metavar="FILE.ssp|FILE.fmu|FILE.c")
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Export a scenario as an SSP or as one FMU, or components as plain C.
 
     See docs/containers.md for an FMU, and docs/c-code.md for C.
     """
-    file = chosen.file
+    file = parameters.file
     kind = find_kind(file)
-    refuse_unsuited(kind, given)
-    exported = load(chosen.scenario, **given)
+    refuse_unsuited(kind, options)
+    exported = load(parameters.scenario, **options)
     files = {file: _KINDS[kind]}
     if kind == C:
         files[file.with_suffix(".h")] = "the header"
-    check_output_files(files, {Path(chosen.scenario): "the scenario"} | exported.options.files_read())
+    check_output_files(files, {Path(parameters.scenario): "the scenario"} | exported.options.files_read())
     with BarProgress() as progress:
         exported.export(file, progress)
     for path in files:

@@ -24,7 +24,7 @@ EXAMPLES = (
     "emla identify plan.toml --report",
 )
 
-_search = partial(option, group=_SEARCH)
+_search_option = partial(option, group=_SEARCH)
 
 
 @dataclass(frozen=True)
@@ -43,32 +43,34 @@ class Parameters:
         metavar="SIGNAL=VALUE",
         group=_DATA,
     )
-    vary: Mapping[str, str] = _search(
+    vary: Mapping[str, str] = _search_option(
         {},
         help="Unknown parameter and its range; offset(SIGNAL), gain(SIGNAL) and delay(SIGNAL) are those "
         "of a sensor (repeatable).",
         metavar="NAME=LOW:HIGH",
     )
-    loss: str | None = _search(
+    loss: str | None = _search_option(
         help=f"Loss function; all but linear bear outliers. One of {', '.join(LOSSES)}. Default: linear."
     )
-    starts: int | None = _search(help="Number of starting points. Default: 1.")
-    evaluations: int | None = _search(help="Most iterations from each point. Default: 50.")
-    profile: Sequence[str] | None = _search(
+    starts: int | None = _search_option(help="Number of starting points. Default: 1.")
+    evaluations: int | None = _search_option(help="Most iterations from each point. Default: 50.")
+    profile: Sequence[str] | None = _search_option(
         help="Parameter whose interval is found by profile likelihood (repeatable)."
     )
-    seed: int | None = _search(help="Seed of the random starting points. Default: 0.")
+    seed: int | None = _search_option(help="Seed of the random starting points. Default: 0.")
     design: bool = switch("Rank the plan's experiments by what they would tell; estimate nothing.", _SEARCH)
     report: bool = report()
     scheduler: str | None = scheduler()
     workers: int | None = workers()
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Estimate parameters from measured data."""
-    given |= vars(chosen) | {"design": chosen.design or None}
-    loaded = load_identification_plan(given.pop("plan"))
-    kind = "design" if chosen.design or loaded.design else "identify"  # estimates of the same plan stay
-    result, folder = run_analysis(OUTPUTS, identify, loaded, f"{kind}-{loaded.name}", given)
+    options |= vars(parameters) | {"design": parameters.design or None}
+    loaded_plan = load_identification_plan(options.pop("plan"))
+    kind = (
+        "design" if parameters.design or loaded_plan.design else "identify"
+    )  # estimates of the same plan stay
+    result, folder = run_analysis(OUTPUTS, identify, loaded_plan, f"{kind}-{loaded_plan.name}", options)
     if not result.complete:
         raise CosimError(f"interrupted; the best values so far are in {folder / SCENARIO}.")

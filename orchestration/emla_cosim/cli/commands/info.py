@@ -31,14 +31,14 @@ OPTIONS = INFO
 PICTURES = ("machine", "forces", "levers")
 """Names of the pictures of a machine."""
 
-_SCREEN = "-"
+_TO_SCREEN = "-"
 """Value of `--json` that shows JSON."""
 
 _MOST_ROWS, _MOST_FMUS, _MOST_ENDS = 1000, 40, 20
 """Most rows to show; JSON has all of them."""
 _WIDEST_NAME = 120
 """Most letters in a line of names."""
-_WIDE = 120
+_WIDE_TERMINAL = 120
 """Fewest columns of a terminal to show all columns of a table side by side."""
 
 
@@ -56,7 +56,7 @@ class Parameters:
     json: Path | None = option(
         help="Write JSON to a file, or show it if no file follows.",
         metavar="[FILE]",
-        alone=_SCREEN,
+        alone=_TO_SCREEN,
         group=OTHER_OPTIONS,
     )
     pictures: Path | None = option(
@@ -67,59 +67,59 @@ class Parameters:
     )
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Show the variables of an FMU, a package or a scenario, and which of them you can set."""
-    source, json = chosen.scenario, chosen.json
-    overwrite = given.get("overwrite", False)
-    to_file = json is not None and str(json) != _SCREEN
+    source, json = parameters.scenario, parameters.json
+    overwrite = options.get("overwrite", False)
+    to_file = json is not None and str(json) != _TO_SCREEN
     if json is not None and to_file:
         used = {Path(source): "the file to show"}
         with suppress(CommandError):  # collecting the information reports it
-            used |= load(source, **given).options.files_read()
+            used |= load(source, **options).options.files_read()
         check_output_files({json: JSON_FILE}, used)
         OutputFile(json, JSON_FILE, is_info, overwrite)
-    folder = chosen.pictures
+    folder = parameters.pictures
     names = () if folder is None else tuple(folder / f"{name}.png" for name in PICTURES)
     files = [OutputFile(path, "the picture", is_picture, overwrite, creates_folder=True) for path in names]
     with BarProgress() as progress:
-        found = info(source, progress, **given)
+        content = info(source, progress, **options)
     if folder is not None:
-        _write_pictures(found, folder, files)
-    if chosen.match:
-        found = found.matching(*chosen.match)
+        _write_pictures(content, folder, files)
+    if parameters.match:
+        content = content.matching(*parameters.match)
     if json is None:
-        _show(found, header=not chosen.match)
+        _show(content, header=not parameters.match)
     elif to_file:
-        found.save_json(json, overwrite)
+        content.save_json(json, overwrite)
     else:
-        print_exactly(found.as_json())
+        print_exactly(content.as_json())
 
 
-def _write_pictures(found: Info, folder: Path, files: Sequence[OutputFile]) -> None:
+def _write_pictures(content: Info, folder: Path, files: Sequence[OutputFile]) -> None:
     """Write the pictures of a machine; raise CommandError without a machine."""
-    if found.machine is None:
+    if content.machine is None:
         raise CommandError(
-            f"'{found.name}' has no machine to draw; --pictures needs a machine, such as hdrm-coupled."
+            f"'{content.name}' has no machine to draw; --pictures needs a machine, such as hdrm-coupled."
         )
     with report_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    for file, figure in zip(files, found.machine.draw().values(), strict=True):
+    for file, figure in zip(files, content.machine.draw().values(), strict=True):
         file.write(to_png(figure))
 
 
-def _show(found: Info, header: bool) -> None:
-    title = f"{found.name}: {found.description}" if found.description else found.name
+def _show(content: Info, header: bool) -> None:
+    title = f"{content.name}: {content.description}" if content.description else content.name
     show(Text(format_line(title), style="bold"), soft_wrap=True)
     if header:
-        _show_header(found)
-        if found.machine is not None:
-            show_machine(found.machine, has_parameters=not found.variables)
-    for note in found.notes:
+        _show_header(content)
+        if content.machine is not None:
+            show_machine(content.machine, has_parameters=not content.variables)
+    for note in content.notes:
         print_line(f"Note: {format_line(note)}.")
-    rows = list(islice(build_display_rows(found.variables), _MOST_ROWS + 1))
+    rows = list(islice(build_display_rows(content.variables), _MOST_ROWS + 1))
     _show_rows(rows[:_MOST_ROWS])
     if len(rows) > _MOST_ROWS:
-        count = len(found.variables)
+        count = len(content.variables)
         print_line(f"The first {_MOST_ROWS} rows of {count} variables; --match selects, --json has all.")
     settable = next((row.first for row in rows if row.first.settable and row.first.start is not None), None)
     if settable is not None and settable.start is not None:
@@ -129,26 +129,26 @@ def _show(found: Info, header: bool) -> None:
         )
 
 
-def _show_header(found: Info) -> None:
-    start, stop, step = found.start_time or 0.0, found.stop_time, found.step_size
+def _show_header(content: Info) -> None:
+    start, stop, step = content.start_time or 0.0, content.stop_time, content.step_size
     if stop is not None and step is not None:
         print_line(f"Runs from {start:g} to {stop:g} s in steps of {step:g} s.")
-    if not found.components:
+    if not content.components:
         return
-    if len(found.components) == 1:
-        for what, text in list_fmu_facts(found.fmus[0]):
-            print_line(f"{what:<12} {text}")
+    if len(content.components) == 1:
+        for label, text in list_fmu_facts(content.fmus[0]):
+            print_line(f"{label:<12} {text}")
         return
-    names: list[list[str]] = [[] for _ in found.fmus]
-    for component in found.components:
+    names: list[list[str]] = [[] for _ in content.fmus]
+    for component in content.components:
         names[component.fmu].append(component.name)
-    table = _table("model", "components", "FMU")
-    for fmu, components in list(zip(found.fmus, names, strict=True))[:_MOST_FMUS]:
-        table.add_row(*(_cell(x) for x in (fmu.model, ", ".join(components), fmu.path)))
+    table = _make_table("model", "components", "FMU")
+    for fmu, components in list(zip(content.fmus, names, strict=True))[:_MOST_FMUS]:
+        table.add_row(*(_make_cell(x) for x in (fmu.model, ", ".join(components), fmu.path)))
     show_table(table)
-    if (more := len(found.fmus) - _MOST_FMUS) > 0:
+    if (more := len(content.fmus) - _MOST_FMUS) > 0:
         print_line(f"and {more} more FMUs; --json has all")
-    counts = len(found.components), len(found.fmus), len(found.connections), len(found.variables)
+    counts = len(content.components), len(content.fmus), len(content.connections), len(content.variables)
     print_line("{} components of {} FMUs, {} connections, {} variables".format(*counts))
 
 
@@ -157,37 +157,43 @@ def _show_rows(rows: Sequence[DisplayRow]) -> None:
     if not OUT.is_terminal:
         _show_table(rows, "variable", "")
         return
-    for component, some in groupby(rows, lambda row: row.first.component):
-        _show_table(list(some), format_line(component), format_line(f"{component}."))
+    for component, component_rows in groupby(rows, lambda row: row.first.component):
+        _show_table(list(component_rows), format_line(component), format_line(f"{component}."))
 
 
 def _show_table(rows: Sequence[DisplayRow], title: str, prefix: str) -> None:
     """Show a table of variables without the prefix of their names. A narrow terminal has fewer columns."""
     if not rows:
         return
-    narrow = OUT.is_terminal and OUT.width < _WIDE
+    narrow = OUT.is_terminal and OUT.width < _WIDE_TERMINAL
     longest = max(len(title), *(len(row.name) - len(prefix) for row in rows))
     width = min(longest, OUT.width * 2 // 5 if narrow else _WIDEST_NAME)
     name = Column(Text(title), overflow="fold", width=width)
     start = Column("start", overflow="fold", max_width=24)
     mark = Column("", width=1)
     table = (
-        _table(mark, name, start, "meaning") if narrow else _table(mark, name, "", start, "range", "meaning")
+        _make_table(mark, name, start, "meaning")
+        if narrow
+        else _make_table(mark, name, "", start, "range", "meaning")
     )
     for row in rows:
         style = "cyan" if row.first.settable else ""
-        named = Text("+" if style else "", style), Text(row.name.removeprefix(prefix), style)
+        name_cells = Text("+" if style else "", style), Text(row.name.removeprefix(prefix), style)
         start = Text(row.start, style="bold" if row.is_changed else "")
         if narrow:
-            table.add_row(*named, start, _meaning(row, ", ".join(filter(None, (row.kind, row.range)))))
+            table.add_row(
+                *name_cells, start, _format_meaning(row, ", ".join(filter(None, (row.kind, row.range))))
+            )
         else:
-            table.add_row(*named, _cell(row.kind), start, _cell(row.range), _meaning(row))
+            table.add_row(
+                *name_cells, _make_cell(row.kind), start, _make_cell(row.range), _format_meaning(row)
+            )
     show_table(table)
 
 
-def _meaning(row: DisplayRow, about: str = "") -> Text:
+def _format_meaning(row: DisplayRow, about: str = "") -> Text:
     """Return the description and the connections of a variable."""
-    meaning = _cell(row.meaning)
+    meaning = _make_cell(row.meaning)
     more = [f"and {len(row.connected) - _MOST_ENDS} more"] if len(row.connected) > _MOST_ENDS else []
     for added in filter(None, (about, *row.connected[:_MOST_ENDS], *more)):
         meaning.append("; " if meaning else "")
@@ -195,11 +201,11 @@ def _meaning(row: DisplayRow, about: str = "") -> Text:
     return meaning
 
 
-def _table(*columns: Column | str) -> Table:
+def _make_table(*columns: Column | str) -> Table:
     headings = (c if isinstance(c, Column) else Column(c, overflow="fold") for c in columns)
     return Table(*headings, box=SIMPLE_HEAD, pad_edge=False)
 
 
-def _cell(text: str) -> Text:
+def _make_cell(text: str) -> Text:
     """Return a text from a file as one line of limited length, without markup."""
     return Text(shorten_text(format_line(text), LONGEST))

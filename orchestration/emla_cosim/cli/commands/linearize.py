@@ -14,7 +14,7 @@ from .options import report, scenario
 
 OPTIONS = LINEARIZE
 
-_WHAT = "What is computed"
+_COMPUTED = "What is computed"
 
 EXAMPLES = (
     "emla linearize study-drive --open lift --stop-time 1",
@@ -23,7 +23,7 @@ EXAMPLES = (
     "emla linearize pendulum.fmu --kind me --matrices --perturb torque --read angle --steady",
 )
 
-_what = partial(option, group=_WHAT)
+_computed_option = partial(option, group=_COMPUTED)
 
 
 @dataclass(frozen=True)
@@ -31,37 +31,37 @@ class Parameters:
     """Arguments and options of the command."""
 
     scenario: str = scenario()
-    open: Sequence[str] = _what(
+    open: Sequence[str] = _computed_option(
         [],
         help="Open a loop at a connection, on a path inside of a component, or at the measured position "
         "of a JOINT, and compute its margins (repeatable). Default: at the current reference of each "
         "joint.",
         metavar="A.OUTPUT->B.INPUT|JOINT",
     )
-    perturb: Sequence[str] = _what(
+    perturb: Sequence[str] = _computed_option(
         [], help="Input of a frequency response, connected or not (repeatable).", metavar="COMPONENT.INPUT"
     )
-    read: Sequence[str] = _what(
+    read: Sequence[str] = _computed_option(
         [], help="Output of a frequency response (repeatable).", metavar="COMPONENT.OUTPUT"
     )
-    at: float | None = _what(
+    at: float | None = _computed_option(
         help="Time of the operating point. Default: the stop time less the duration.", unit="s"
     )
-    duration: float | None = _what(
+    duration: float | None = _computed_option(
         help="Length of the responses. Default: 2000 steps, at most half of the run.", unit="s"
     )
-    amplitude: float | None = _what(
+    amplitude: float | None = _computed_option(
         help="Height of the pulses in the unit of the input. Default: the one with the most linear effect."
     )
     matrices: bool = switch(
         "Compute state matrices, poles and damping instead, from the inputs of --perturb to the outputs of "
         "--read. All FMUs must run as Model Exchange.",
-        _WHAT,
+        _COMPUTED,
     )
     steady: bool = switch(
-        "Compute the matrices at the steady state that is nearest to the state at --at.", _WHAT
+        "Compute the matrices at the steady state that is nearest to the state at --at.", _COMPUTED
     )
-    free: Sequence[str] = _what(
+    free: Sequence[str] = _computed_option(
         [],
         help="Input whose value may change to find the steady state (repeatable).",
         metavar="COMPONENT.INPUT",
@@ -71,8 +71,8 @@ class Parameters:
     report: bool = report()
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Compute frequency responses and margins of a scenario."""
-    given |= vars(chosen)
-    source = given.pop("scenario")
-    run_analysis(OUTPUTS, linearize, source, f"linearize-{Path(source).stem}", given)
+    options |= vars(parameters)
+    source = options.pop("scenario")
+    run_analysis(OUTPUTS, linearize, source, f"linearize-{Path(source).stem}", options)

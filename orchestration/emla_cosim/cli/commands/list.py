@@ -40,7 +40,7 @@ def command() -> None:
             choices.add_row(option.flag, ", ".join(map(str, option.choices())))
     choices.add_row("--controller", ", ".join(CONTROLLERS))
     for name, controller in CONTROLLERS.items():
-        first, *others = controller.gains
-        choices.add_row(f"--gains, for {name}", ", ".join([f"{first} (recommended)", *others]))
-    for shown in (scenarios, plans, tunings, models, choices):
-        show(shown)
+        first, *other_gains = controller.gains
+        choices.add_row(f"--gains, for {name}", ", ".join([f"{first} (recommended)", *other_gains]))
+    for table in (scenarios, plans, tunings, models, choices):
+        show(table)

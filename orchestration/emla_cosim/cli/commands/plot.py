@@ -22,7 +22,7 @@ register()
 
 OPTIONS = PLOT
 
-_other = partial(option, group=OTHER_OPTIONS)
+_plot_option = partial(option, group=OTHER_OPTIONS)
 
 
 @dataclass(frozen=True)
@@ -32,34 +32,38 @@ class Parameters:
     runs: Sequence[Path] = argument(
         help=f"Output folders of runs, or tables ({', '.join(f'.{name}' for name in TABLES)}).", metavar="RUN"
     )
-    signals: Sequence[str] = _other(
+    signals: Sequence[str] = _plot_option(
         [],
         help="Signals to plot; * matches any text (repeatable). Default: positions and references of "
         "joints, or all.",
         metavar="PATTERN",
     )
-    output: Path = _other(
+    output: Path = _plot_option(
         Path("plot.png"), help="Plot file to write: .png, .pdf or .svg. Default: plot.png.", metavar="FILE"
     )
-    start: float | None = _other(help="First time to plot.", flag="--from", unit="s")
-    stop: float | None = _other(help="Last time to plot.", flag="--to", unit="s")
-    title: str | None = _other(help="Title. Default: the names of the runs; on paper none.", metavar="TEXT")
-    layout: str = _other(
+    start: float | None = _plot_option(help="First time to plot.", flag="--from", unit="s")
+    stop: float | None = _plot_option(help="Last time to plot.", flag="--to", unit="s")
+    title: str | None = _plot_option(
+        help="Title. Default: the names of the runs; on paper none.", metavar="TEXT"
+    )
+    layout: str = _plot_option(
         SCREEN,
         help="Size of the figure: screen, or one-column and two-columns for papers (88 and 181 mm wide).",
         metavar="LAYOUT",
     )
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Plot signals of runs over time: one run by unit, several runs overlaid with a panel per signal."""
-    output = chosen.output
+    output = parameters.output
     if (form := output.suffix.lower()[1:]) not in PLOT_FORMATS:
         raise CommandError(f"the plot file '{output}' must end in .png, .pdf or .svg.")
-    found = read_traces(chosen.runs)
-    check_output_files({output: "the plot"}, {file: "read" for run in found for file in run.files})
-    file = OutputFile(output, "the plot", is_picture, given.get("overwrite", False))
-    overlay = overlay_runs(found, chosen.signals, chosen.start, chosen.stop, chosen.title, chosen.layout)
+    traces = read_traces(parameters.runs)
+    check_output_files({output: "the plot"}, {file: "read" for run in traces for file in run.files})
+    file = OutputFile(output, "the plot", is_picture, options.get("overwrite", False))
+    overlay = overlay_runs(
+        traces, parameters.signals, parameters.start, parameters.stop, parameters.title, parameters.layout
+    )
     with file.open() as stream:
         save(overlay.figure, stream, form)
     for note in overlay.notes:

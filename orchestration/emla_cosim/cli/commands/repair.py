@@ -44,22 +44,24 @@ class Parameters:
     dry_run: bool = switch("Show the changes, and write nothing.", OUTPUT)
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Mend what is wrong in the text of an FMU and has one remedy; binaries stay as they are."""
     target = None
-    if chosen.output is not None:
-        check_output_files({chosen.output: "the repaired FMU"}, {chosen.fmu: "the FMU to repair"})
-        overwrite = given.get("overwrite", False)
-        target = OutputFile(chosen.output, "the repaired FMU", partial(_is_ours, chosen.fmu), overwrite)
-    elif not chosen.dry_run:
+    if parameters.output is not None:
+        check_output_files({parameters.output: "the repaired FMU"}, {parameters.fmu: "the FMU to repair"})
+        overwrite = options.get("overwrite", False)
+        target = OutputFile(
+            parameters.output, "the repaired FMU", partial(_is_ours, parameters.fmu), overwrite
+        )
+    elif not parameters.dry_run:
         raise CommandError("name the FMU to write with --output, or use --dry-run.")
-    done = repair(chosen.fmu)
-    _show(done)
-    if target is not None and not chosen.dry_run:
-        done.save(target)
+    repaired = repair(parameters.fmu)
+    _show(repaired)
+    if target is not None and not parameters.dry_run:
+        repaired.save(target)
         show_file(target.path)
-    if done.remaining:
-        count = format_count(len(done.remaining), "check still fails", "checks still fail")
+    if repaired.remaining:
+        count = format_count(len(repaired.remaining), "check still fails", "checks still fail")
         raise CosimError(f"{count}: text alone cannot mend it, or there is more than one remedy.")
 
 
@@ -68,32 +70,32 @@ def _is_ours(fmu: Path, path: Path) -> bool:
     return is_repaired(path) or (fmu.is_file() and cmp(fmu, path, shallow=False))
 
 
-def _show(done: Repair) -> None:
+def _show(repaired: Repair) -> None:
     """Show the changes, what is left, and the numbers of findings before and after."""
-    for change in done.changes:
-        _show_change(change, done.version)
-    if not done.changes:
+    for change in repaired.changes:
+        _show_change(change, repaired.version)
+    if not repaired.changes:
         show("Nothing to mend.")
-    for finding in done.remaining:
-        show(f"[bold red]not mended[/] [bold]{finding.check}[/] {_text(finding.sentence)}", soft_wrap=True)
-    for label, examined in (("before", done.before), ("after", done.after)):
-        show(f"{label}: {_count(examined)}", highlight=False)
+    for finding in repaired.remaining:
+        show(f"[bold red]not mended[/] [bold]{finding.check}[/] {_escape(finding.sentence)}", soft_wrap=True)
+    for label, examined in (("before", repaired.before), ("after", repaired.after)):
+        show(f"{label}: {_format_counts(examined)}", highlight=False)
 
 
 def _show_change(change: Change, version: int) -> None:
-    show(f"[bold]{change.check}[/] {_text(change.where)}", highlight=False, soft_wrap=True)
+    show(f"[bold]{change.check}[/] {_escape(change.where)}", highlight=False, soft_wrap=True)
     for sign, style, text in (("-", "red", change.before), ("+", "green", change.after)):
         if text:
-            show(f"  [{style}]{sign} {_text(text)}[/]", highlight=False, soft_wrap=True)
+            show(f"  [{style}]{sign} {_escape(text)}[/]", highlight=False, soft_wrap=True)
     clause = change.find_clause(version)
     show(f'  {clause}: "{clause.sentence}"', style="dim", markup=False, highlight=False, soft_wrap=True)
 
 
-def _count(examined: Examined) -> str:
+def _format_counts(examined: Examined) -> str:
     counts = Counter(f.verdict for f in examined.findings)
     return ", ".join(f"{counts[v]} {v}" for v in Verdict)
 
 
-def _text(text: str) -> str:
+def _escape(text: str) -> str:
     """Return one line of text from a file, without markup and control characters."""
     return escape(make_visible(shorten_line(text, _LONGEST)))

@@ -30,31 +30,33 @@ class Parameters:
     run: Path = argument(help="The run.json of the run to repeat, or its folder.", metavar="RUN")
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Repeat a run into a new folder beside the old one."""
-    record = chosen.run / RECORD if chosen.run.is_dir() else chosen.run
-    recorded = load_recorded_run(record, given)
-    scenario = load(recorded.source, **recorded.with_options(given))
+    record = parameters.run / RECORD if parameters.run.is_dir() else parameters.run
+    recorded = load_recorded_run(record, options)
+    scenario = load(recorded.source, **recorded.with_options(options))
     table_name = f"results.{scenario.options.output_format}"
     before = hash_if_readable(record.parent / table_name)  # the new run may replace it
-    folder = given.get("output") or _beside(record)
+    folder = options.get("output") or _name_new_folder(record)
 
-    known = list_options(RUN)
+    run_options = list_options(RUN)
 
     def compare(result: Result) -> None:
-        found = find_differences(recorded.content, result.record, {known[name].record for name in given})
-        if found:
-            print_line(describe_differences(found, str(record)))
-        is_same_run = all(not (known[n].recorded and known[n].repeated) for n in given)
+        differences = find_differences(
+            recorded.content, result.record, {run_options[name].record for name in options}
+        )
+        if differences:
+            print_line(describe_differences(differences, str(record)))
+        is_same_run = all(not (run_options[n].recorded and run_options[n].repeated) for n in options)
         if before is not None and is_same_run:
             same = hash_if_readable(folder / table_name) == before
-            what = "is the same as that" if same else "differs from that"
-            print_line(f"{table_name} {what} of {record.parent}{', to the last bit' * same}")
+            verdict = "is the same as that" if same else "differs from that"
+            print_line(f"{table_name} {verdict} of {record.parent}{', to the last bit' * same}")
 
-    run_into(scenario, folder, None if "output" in given else record, compare)
+    run_into(scenario, folder, None if "output" in options else record, compare)
 
 
-def _beside(record: Path) -> Path:
+def _name_new_folder(record: Path) -> Path:
     """Return a new folder beside that of a record."""
     folder = record.parent
     if folder.name in ("", ".."):

@@ -43,33 +43,40 @@ class Parameters:
     scenario: str = scenario()
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Run a scenario into an output folder."""
-    loaded = load(chosen.scenario, **given)
-    run_into(loaded, loaded.options.output or results_folder(loaded.name), Path(chosen.scenario))
+    scenario_to_run = load(parameters.scenario, **options)
+    run_into(
+        scenario_to_run,
+        scenario_to_run.options.output or results_folder(scenario_to_run.name),
+        Path(parameters.scenario),
+    )
 
 
 def run_into(
-    chosen: Scenario, folder: Path, file: Path | None, tell: Callable[[Result], None] = lambda result: None
+    scenario_to_run: Scenario,
+    folder: Path,
+    file: Path | None,
+    on_result: Callable[[Result], None] = lambda result: None,
 ) -> None:
     """Run a scenario into an output folder, and show the result.
 
     Args:
-        chosen: Scenario to run.
+        scenario_to_run: Scenario to run.
         folder: Output folder.
         file: File from which the scenario was read.
-        tell: Function that shows more of the result.
+        on_result: Function that shows more of the result.
 
     Raises:
         CosimError: If the run or a requirement fails. The results are written then too.
     """
-    options = chosen.options
-    plan_run(options, chosen.name)
-    told = _show_actuators(chosen)
+    options = scenario_to_run.options
+    plan_run(options, scenario_to_run.name)
+    shown_notes = _show_actuators(scenario_to_run)
     plots = options.plots and has_extra("plots")
-    left_out = [LEFT_OUT] if options.plots and not plots else []
+    missing_notes = [LEFT_OUT] if options.plots and not plots else []
     with BarProgress() as progress:
-        described = {
+        output_options = {
             "form": options.output_format,
             "plots": plots,
             "plot_format": options.plot_format,
@@ -77,38 +84,38 @@ def run_into(
             "report": options.report,
             "overwrite": options.overwrite,
         }
-        output = OutputFolder(folder, **described)
-        _check_places(file, options, output)
+        output = OutputFolder(folder, **output_options)
+        _check_files(file, options, output)
         with (
             output.alone(),
-            contextlib.closing(CrashRecorder(chosen, folder, described)) as remembered,
-            chosen.prepare(progress) as simulation,
+            contextlib.closing(CrashRecorder(scenario_to_run, folder, output_options)) as crash_recorder,
+            scenario_to_run.prepare(progress) as simulation,
         ):
             if options.animate:
-                kept = simulation.select_signals(options.signals)
-                roles = list_roles(chosen.system, chosen.options)
-                check_animated(chosen.name, simulation.names, kept, roles)
-            writing = output.recorders(chosen.name, continued=options.resume is not None)
-            remembered.watch(simulation, writing[-1])
-            recorders = [*writing, ProgressRecorder(progress), remembered]
-            with catch_interrupts() as asked:  # from the first row to the last file
+                recorded_names = simulation.select_signals(options.signals)
+                roles = list_roles(scenario_to_run.system, scenario_to_run.options)
+                check_animated(scenario_to_run.name, simulation.names, recorded_names, roles)
+            file_recorders = output.recorders(scenario_to_run.name, continued=options.resume is not None)
+            crash_recorder.watch(simulation, file_recorders[-1])
+            recorders = [*file_recorders, ProgressRecorder(progress), crash_recorder]
+            with catch_interrupts() as is_interrupted:  # from the first row to the last file
                 result = simulation.attempt(recorders=recorders)
                 # those of a reference are known only now
-                notes = [*chosen.notes, *left_out, *(note.rstrip(".") for note in result.notes)]
+                notes = [*scenario_to_run.notes, *missing_notes, *(note.rstrip(".") for note in result.notes)]
                 notes = list(dict.fromkeys(notes))
                 # the termination of FMUs may still fail
                 result, pictures = output.keep(
                     result,
-                    plots and not asked(),
+                    plots and not is_interrupted(),
                     progress,
-                    options.animate and not asked(),
+                    options.animate and not is_interrupted(),
                     options.report,
                     notes,
-                    asked,
+                    is_interrupted,
                 )
-                remembered.keep()
-    show_result(result, [note for note in notes if note not in told], output, pictures)
-    tell(result)
+                crash_recorder.keep()
+    show_result(result, [note for note in notes if note not in shown_notes], output, pictures)
+    on_result(result)
     if result.problem is not None:
         raise CosimError(f"{result.problem} The results so far are in {output.path}.")
 
@@ -118,20 +125,24 @@ def _show_actuators(scenario: Scenario) -> Sequence[str]:
 
     Return the notes that were shown.
     """
-    own = {joint: one for joint, one in scenario.options.actuator.items() if isinstance(one, Actuator)}
-    for joint, one in own.items():
-        print_line(f"{joint} has {one.title or one.label}:")
-        for conversion in one.conversions:
+    actuators = {
+        joint: actuator
+        for joint, actuator in scenario.options.actuator.items()
+        if isinstance(actuator, Actuator)
+    }
+    for joint, actuator in actuators.items():
+        print_line(f"{joint} has {actuator.title or actuator.label}:")
+        for conversion in actuator.conversions:
             if conversion.is_short:
                 print_line(f"  {conversion}")
-    if not own:
+    if not actuators:
         return ()
     for note in scenario.notes:
         print_line(f"Note: {note}.")
     return scenario.notes
 
 
-def _check_places(file: Path | None, options: Options, output: OutputFolder) -> None:
+def _check_files(file: Path | None, options: Options, output: OutputFolder) -> None:
     """Raise CommandError if an output file is also an input, or would be written twice."""
     results = output.roles
     read = ({} if file is None else {file: "the scenario"}) | options.files_read()

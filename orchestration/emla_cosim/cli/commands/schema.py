@@ -65,14 +65,14 @@ class Parameters:
     kind: str | None = argument(None, help="Kind of file. Default: list the kinds.", metavar="KIND")
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Print the JSON Schema of a kind of file, with which editors complete and check."""
-    if chosen.kind is None:
+    if parameters.kind is None:
         table = Table("kind", "file", title="Kinds of files: emla schema KIND", title_justify="left")
         for name, (about, _) in FILE_KINDS.items():
             table.add_row(f"[bold]{name}[/]", about)
         show(table)
         return
-    check_choice("kind of file", chosen.kind, FILE_KINDS)
-    kind = FILE_KINDS[chosen.kind]
+    check_choice("kind of file", parameters.kind, FILE_KINDS)
+    kind = FILE_KINDS[parameters.kind]
     print_exactly(json.dumps(make_schema(kind.struct(), kind.about), indent=2) + "\n")

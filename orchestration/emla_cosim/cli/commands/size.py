@@ -26,8 +26,8 @@ EXAMPLES = (
     "emla size study-drive --vary 'lift.disturbance.load.level[1]=±10%' --vary ambient=20degC:45degC",
 )
 
-_what = partial(option, group="What is required")
-_varies = partial(option, group="What varies")
+_required_option = partial(option, group="What is required")
+_varied_option = partial(option, group="What varies")
 
 
 @dataclass(frozen=True)
@@ -35,39 +35,39 @@ class Parameters:
     """Arguments and options of the command."""
 
     scenario: str = scenario()
-    cycle: float | None = _what(
+    cycle: float | None = _required_option(
         help="Length of the cycle, which ends at the stop time and repeats. Default: the period of the "
         "reference, otherwise the whole run.",
         unit="s",
     )
-    lead_in: float = _what(
+    lead_in: float = _required_option(
         LEAD_IN, help="Time before the start time, in which the joints settle; it does not count.", unit="s"
     )
-    ambient: float = _what(
+    ambient: float = _required_option(
         AMBIENT,
         help="Temperature around the motors, such as 40degC or 104degF. Default: 40degC.",
         metavar="TEMPERATURE",
         parse=lambda text: read_quantity(text, "--ambient", "K", readings=("degC", "degF", "K")),
     )
-    life: float | None = _what(
+    life: float | None = _required_option(
         help="Time for which the cycle is to repeat, such as 20000h. Without it, the screw's life has no "
         "verdict.",
         metavar="TIME",
         # it needs a unit: people think of it in hours, and other times are in seconds
         parse=lambda text: read_quantity(text, "--life", "s", readings=("h", "s")),
     )
-    vary: Mapping[str, str] = _varies(
+    vary: Mapping[str, str] = _varied_option(
         {},
         help=f"Tolerance of a start value, of an entry of a data sheet, or of 'ambient', as {FORMS} "
         "(repeatable). Each candidate runs with all combinations of the ends; it has to hold in all.",
         metavar="NAME=LOW:HIGH",
         parse=read_factors,
     )
-    runs: int | None = _varies(
+    runs: int | None = _varied_option(
         help=f"Number of random draws from the tolerances. Default: their ends, at most {MOST_CORNERS} "
         "combinations."
     )
-    seed: int = _varies(0, help="Seed of the random draws.")
+    seed: int = _varied_option(0, help="Seed of the random draws.")
     scheduler: str | None = scheduler()
     workers: int | None = workers()
     output: Path | None = option(help="Output folder. Default: results/size-SCENARIO.", group=OUTPUT)
@@ -75,25 +75,25 @@ class Parameters:
     report: bool = report()
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Examine whether actuators do the job of a scenario."""
-    actuators, given["candidates"] = _split_candidates(given.pop("actuator", None) or {})
+    actuators, options["candidates"] = _split_candidates(options.pop("actuator", None) or {})
     if actuators:
-        given["actuator"] = actuators
-    given |= vars(chosen)
-    source = given.pop("scenario")
-    result, _ = run_analysis(OUTPUTS, size, source, f"size-{Path(source).stem}", given)
+        options["actuator"] = actuators
+    options |= vars(parameters)
+    source = options.pop("scenario")
+    result, _ = run_analysis(OUTPUTS, size, source, f"size-{Path(source).stem}", options)
     if unjudged := result.unjudged:
-        names = join_names(dict.fromkeys(one.joint for one in unjudged))
+        names = join_names(dict.fromkeys(joint_verdict.joint for joint_verdict in unjudged))
         raise RunError(f"no verdict on {names}: see above why.")
 
 
-def _split_candidates(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, list[str]]]:
+def _split_candidates(texts: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, list[str]]]:
     """Return the actuators of joints with one file, and the files of joints with several."""
-    files = {joint: [part for part in str(one).split(",") if part] for joint, one in given.items()}
-    if none := [joint for joint, one in files.items() if not one]:
-        raise CommandError(f"--actuator {none[0]}={given[none[0]]} names no file.")
+    files = {joint: [part for part in str(text).split(",") if part] for joint, text in texts.items()}
+    if none := [joint for joint, text in files.items() if not text]:
+        raise CommandError(f"--actuator {none[0]}={texts[none[0]]} names no file.")
     return (
-        {joint: one[0] for joint, one in files.items() if len(one) == 1},
-        {joint: one for joint, one in files.items() if len(one) > 1},
+        {joint: text[0] for joint, text in files.items() if len(text) == 1},
+        {joint: text for joint, text in files.items() if len(text) > 1},
     )

@@ -25,7 +25,7 @@ EXAMPLES = (
 )
 
 
-_varies = partial(option, group="What varies")
+_varied_option = partial(option, group="What varies")
 
 
 @dataclass(frozen=True)
@@ -33,17 +33,17 @@ class Parameters:
     """Arguments and options of the command."""
 
     plan: str = plan()
-    vary: Mapping[str, str] = _varies(
+    vary: Mapping[str, str] = _varied_option(
         {},
         help=f"Factor and its values, as {FORMS}; * in the name matches several (repeatable).",
         metavar="NAME=VALUES",
         parse=read_factors,
     )
-    runs: int | None = _varies(help="Number of variants to draw. Default: all points of a grid.")
-    sampling: str | None = _varies(
+    runs: int | None = _varied_option(help="Number of variants to draw. Default: all points of a grid.")
+    sampling: str | None = _varied_option(
         help=f"Sampling method, one of {', '.join(SAMPLINGS)}. Default: grid, or random with --runs."
     )
-    seed: int | None = _varies(help="Seed of random numbers. Default: 0.")
+    seed: int | None = _varied_option(help="Seed of random numbers. Default: 0.")
     metric: Sequence[str] | None = option(
         help="Metric to keep, or a new one as 'NAME = EXPRESSION' (repeatable). Default: all.",
         metavar="METRIC",
@@ -60,11 +60,11 @@ class Parameters:
     report: bool = report()
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Run many variants of a scenario into an output folder."""
-    given = {"plots": True, **given, **vars(chosen)}
-    loaded, given["metrics"] = load_plan(given.pop("plan")), given.pop("metric")
-    result, folder = run_analysis(OUTPUTS, sweep, loaded, loaded.name, given)
+    options = {"plots": True, **options, **vars(parameters)}
+    loaded_plan, options["metrics"] = load_plan(options.pop("plan")), options.pop("metric")
+    result, folder = run_analysis(OUTPUTS, sweep, loaded_plan, loaded_plan.name, options)
     if not result.complete:
         raise CosimError(f"interrupted; the results so far are in {folder}. Continue with --resume.")
     if result.required and (failing := result.variants.filter(result.variants[STATUS] != DONE).height):

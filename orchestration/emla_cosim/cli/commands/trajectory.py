@@ -19,7 +19,7 @@ from .analysis import show_report
 
 OPTIONS = TRAJECTORY
 
-_WHAT, _HOW = "Problem", "Optimisation"
+_PROBLEM, _OPTIMISATION = "Problem", "Optimisation"
 _DEFAULTS = trajectory.__kwdefaults__ or {}
 
 EXAMPLES = (
@@ -28,8 +28,8 @@ EXAMPLES = (
     "emla trajectory crane --set q_E=0.4,0.4,0.6 --set t_M=12",
 )
 
-_how = partial(option, group=_HOW)
-_what = partial(option, group=_WHAT)
+_optimisation_option = partial(option, group=_OPTIMISATION)
+_problem_option = partial(option, group=_PROBLEM)
 
 
 @dataclass(frozen=True)
@@ -41,31 +41,33 @@ class Parameters:
         help="Problem file (.toml), or a machine by name or file. Default: the paper's problem.",
         metavar="PROBLEM",
     )
-    set: Mapping[str, str] = _what(
+    set: Mapping[str, str] = _problem_option(
         {},
         help="Set a value of the problem, such as t_M=20, q_E[3]=0.4, machine.lift.a=1.2, "
         "tip_E=3.2,0.5 or via[1].tip=2.6,-0.4 (repeatable).",
         metavar="NAME=VALUE",
     )
-    end_speed: str = _what(
+    end_speed: str = _problem_option(
         _DEFAULTS["end_speed"],
         help="Treatment of end speeds beyond their bounds: clip, exempt, decimal or rest.",
     )
-    tie_break: float = _what(
+    tie_break: float = _problem_option(
         _DEFAULTS["tie_break"],
         help="Weight of the joints' individual powers beside the square of their sum; 0 as in the paper.",
     )
-    degree: int = _how(_DEFAULTS["degree"], help="Degree of the spline, 3 to 5.")
-    knots: int = _how(
+    degree: int = _optimisation_option(_DEFAULTS["degree"], help="Degree of the spline, 3 to 5.")
+    knots: int = _optimisation_option(
         _DEFAULTS["knots"], help="Number of distinct knots, denser at both ends; at most 49 minus the degree."
     )
-    points: int = _how(_DEFAULTS["points"], help="Number of collocation points between two knots.")
-    subdivisions: int = _how(
+    points: int = _optimisation_option(
+        _DEFAULTS["points"], help="Number of collocation points between two knots."
+    )
+    subdivisions: int = _optimisation_option(
         _DEFAULTS["subdivisions"],
         help="Number of parts of each span at whose control points strokes and speeds are bounded; more "
         "parts cost less power, and more time to solve.",
     )
-    starts: int = _how(_DEFAULTS["starts"], help="Number of starts; the best result is kept.")
+    starts: int = _optimisation_option(_DEFAULTS["starts"], help="Number of starts; the best result is kept.")
     output: Path | None = option(
         help="Trajectory file to write. Default: results/trajectory/trajectory.json.", group=OUTPUT
     )
@@ -73,16 +75,16 @@ class Parameters:
     report: bool = switch("Write a page with all results beside the trajectory file.", OUTPUT)
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Find the motion of a machine with the least actuator power."""
-    problem = load_problem(chosen.problem, chosen.set)
-    path = chosen.output or _default_path()
-    overwrite = given.get("overwrite", False)
-    files = MotionFiles(path, problem, chosen.problem, overwrite, chosen.plots, chosen.report)
-    given |= vars(chosen) | {"output": path, "problem": problem}
-    del given["set"]
+    problem = load_problem(parameters.problem, parameters.set)
+    path = parameters.output or _default_path()
+    overwrite = options.get("overwrite", False)
+    files = MotionFiles(path, problem, parameters.problem, overwrite, parameters.plots, parameters.report)
+    options |= vars(parameters) | {"output": path, "problem": problem}
+    del options["set"]
     with BarProgress() as progress:
-        result = trajectory(progress=progress, **given)
+        result = trajectory(progress=progress, **options)
     show_report(build_report(result))
     print_line(f"Wrote {', '.join((str(path), *(file.name for file in files.paths[1:])))}")
 

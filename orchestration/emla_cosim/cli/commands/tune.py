@@ -23,8 +23,8 @@ EXAMPLES = (
     "emla tune lift --vary 'lift.controller.beta[1]=300:3000' --objective lift.position_error_m",
 )
 
-_search = partial(option, group=_SEARCH)
-_objective = partial(option, group=_OBJECTIVE)
+_search_option = partial(option, group=_SEARCH)
+_objective_option = partial(option, group=_OBJECTIVE)
 
 
 @dataclass(frozen=True)
@@ -32,38 +32,38 @@ class Parameters:
     """Arguments and options of the command."""
 
     plan: str = plan()
-    objective: str | None = _objective(
+    objective: str | None = _objective_option(
         help="Expression over metrics to minimise, such as tilt.position_error_m.", metavar="EXPRESSION"
     )
-    metric: Sequence[str] | None = _objective(
+    metric: Sequence[str] | None = _objective_option(
         help="Additional metric over signals (repeatable).", metavar="'NAME = EXPRESSION'"
     )
-    tolerance: float | None = _objective(
+    tolerance: float | None = _objective_option(
         help="Fail if the objective with the validation seeds is worse by more than this fraction. "
         "Default: no limit."
     )
-    vary: Mapping[str, str] = _search(
+    vary: Mapping[str, str] = _search_option(
         {},
         help=f"Gain and its range, as {FORMS}; the search in LOW:HIGH is logarithmic (repeatable).",
         metavar="NAME=RANGE",
     )
-    derive: Mapping[str, str] = _search(
+    derive: Mapping[str, str] = _search_option(
         {}, help="Start value computed from the varied gains (repeatable).", metavar="NAME=EXPRESSION"
     )
-    evaluations: int | None = _search(help="Number of gain sets to try. Default: 200.")
-    training: int | None = _search(help="Number of seeds to tune with. Default: 2.")
-    validation: int | None = _search(help="Number of other seeds to validate with. Default: 4.")
-    seed: int | None = _search(help="Seed of random numbers. Default: 0.")
+    evaluations: int | None = _search_option(help="Number of gain sets to try. Default: 200.")
+    training: int | None = _search_option(help="Number of seeds to tune with. Default: 2.")
+    validation: int | None = _search_option(help="Number of other seeds to validate with. Default: 4.")
+    seed: int | None = _search_option(help="Seed of random numbers. Default: 0.")
     scheduler: str | None = scheduler()
     workers: int | None = workers()
     report: bool = report()
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Tune gains of a scenario's controllers."""
-    given |= vars(chosen)
-    loaded, given["metrics"] = load_tuning_plan(given.pop("plan")), given.pop("metric")
-    result, folder = run_analysis(OUTPUTS, tune, loaded, f"tune-{loaded.name}", given)
+    options |= vars(parameters)
+    loaded_plan, options["metrics"] = load_tuning_plan(options.pop("plan")), options.pop("metric")
+    result, folder = run_analysis(OUTPUTS, tune, loaded_plan, f"tune-{loaded_plan.name}", options)
     if not result.complete:
         raise CosimError(f"interrupted; the best gains so far are in {folder / BEST}.")
     if (problem := result.problem()) is not None:

@@ -34,7 +34,7 @@ from ...views.terminal import show
 
 OPTIONS = VERIFY
 
-_WHAT, _MAKE = "What is checked", "Make references"
+_CHECKED, _RECORDED = "What is checked", "Make references"
 _STYLE = {
     Verdict.PASSED: "green",
     Verdict.WARNING: "yellow",
@@ -47,9 +47,9 @@ EXAMPLES = (
     "emla verify mine.fmu --record references --stop-time 1",
 )
 
-_make = partial(option, group=_MAKE)
-_output = partial(option, group=OUTPUT)
-_what = partial(option, group=_WHAT)
+_record_option = partial(option, group=_RECORDED)
+_output_option = partial(option, group=OUTPUT)
+_check_option = partial(option, group=_CHECKED)
 
 
 @dataclass(frozen=True)
@@ -57,89 +57,91 @@ class Parameters:
     """Arguments and options of the command."""
 
     files: Sequence[str] = argument([], help="FMUs, SSPs, and folders of them.", metavar="FILE")
-    all: bool = switch("Verify all built-in models, in both flavours.", _WHAT)
-    only: Sequence[str] = _what(
+    all: bool = switch("Verify all built-in models, in both flavours.", _CHECKED)
+    only: Sequence[str] = _check_option(
         [], help="Check, group or pattern of checks to run (repeatable). Default: all.", metavar="CHECK"
     )
-    skip: Sequence[str] = _what(
+    skip: Sequence[str] = _check_option(
         [], help="Check, group or pattern of checks to leave out (repeatable).", metavar="CHECK"
     )
-    fail_on: Sequence[str] = _what(
+    fail_on: Sequence[str] = _check_option(
         [],
         help="Fail also for `warning` or `skip` (repeatable). Default: failed checks only.",
         metavar="VERDICT",
     )
-    must_run: Sequence[str] = _what(
+    must_run: Sequence[str] = _check_option(
         [], help="Check, group or pattern of checks that must not be skipped (repeatable).", metavar="CHECK"
     )
-    list: bool = switch("List all checks and exit.", _WHAT)
-    reference: Path | None = _what(
+    list: bool = switch("List all checks and exit.", _CHECKED)
+    reference: Path | None = _check_option(
         help="Folder of reference files; for a system, of results. Default: beside each FMU.",
         metavar="FOLDER",
     )
-    tolerance: Mapping[str, Tolerance] = _what(
+    tolerance: Mapping[str, Tolerance] = _check_option(
         {},
         help="Tolerance relative to a signal's range (repeatable). Default: 1e-3.",
         metavar="[PATTERN=]NUMBER",
         parse=read_tolerances,
     )
-    seconds: float = _what(Settings.seconds, help="Time limit of one check.", unit="s")
-    memory: float = _what(Settings.memory / 2**20, help="Memory limit of one check in MiB.")
-    explain: bool = _output(
+    seconds: float = _check_option(Settings.seconds, help="Time limit of one check.", unit="s")
+    memory: float = _check_option(Settings.memory / 2**20, help="Memory limit of one check in MiB.")
+    explain: bool = _output_option(
         False, help="Explain each check: the clause, what was done, what came back, how to repeat it."
     )
-    junit: Path | None = _output(help="Write a JUnit XML report.", metavar="FILE")
-    json: Path | None = _output(help="Write a JSON report.", metavar="FILE")
-    html: Path | None = _output(help="Write a report as an HTML page.", metavar="FILE")
-    sarif: Path | None = _output(help="Write a SARIF report, for code scanning.", metavar="FILE")
-    badge: Path | None = _output(help="Write the verdict as an SVG image.", metavar="FILE")
-    record: Path | None = _make(
+    junit: Path | None = _output_option(help="Write a JUnit XML report.", metavar="FILE")
+    json: Path | None = _output_option(help="Write a JSON report.", metavar="FILE")
+    html: Path | None = _output_option(help="Write a report as an HTML page.", metavar="FILE")
+    sarif: Path | None = _output_option(help="Write a SARIF report, for code scanning.", metavar="FILE")
+    badge: Path | None = _output_option(help="Write the verdict as an SVG image.", metavar="FILE")
+    record: Path | None = _record_option(
         help="Run the FMU and write reference files to this folder.", metavar="FOLDER"
     )
-    input: Path | None = _make(help="Inputs of the reference run.", metavar="FILE.csv")
-    excite: str = _make(
+    input: Path | None = _record_option(help="Inputs of the reference run.", metavar="FILE.csv")
+    excite: str = _record_option(
         "steps", help=f"Shape of the inputs without a file: {', '.join(SHAPES)}.", metavar="SHAPE"
     )
-    set: Mapping[str, str] = _make(
+    set: Mapping[str, str] = _record_option(
         {}, help="Start value of the reference run (repeatable).", metavar="VARIABLE=VALUE"
     )
-    stop_time: float | None = _make(help="Stop time of the reference run.", unit="s")
-    step_size: float | None = _make(help="Communication step of the reference run.", unit="s")
+    stop_time: float | None = _record_option(help="Stop time of the reference run.", unit="s")
+    step_size: float | None = _record_option(help="Communication step of the reference run.", unit="s")
 
 
-def command(chosen: Parameters, given: dict[str, Any]) -> None:
+def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Verify FMUs and SSPs."""
-    if chosen.list:
-        show(_catalogue(), asked_for=True)
+    if parameters.list:
+        show(_list_checks(), asked_for=True)
         return
-    check_choice("shape", chosen.excite, SHAPES)
-    if chosen.html is not None:
+    check_choice("shape", parameters.excite, SHAPES)
+    if parameters.html is not None:
         require_extra("plots", "--html")
-    recording, overwrite = None, given.get("overwrite", False)
-    experiment = chosen.stop_time, chosen.step_size, dict(chosen.set)
-    if chosen.record is not None:
-        recording = Recording(chosen.record, chosen.input, chosen.excite, *experiment, overwrite)
-    elif chosen.input or any(experiment):
+    recording, overwrite = None, options.get("overwrite", False)
+    experiment = parameters.stop_time, parameters.step_size, dict(parameters.set)
+    if parameters.record is not None:
+        recording = Recording(parameters.record, parameters.input, parameters.excite, *experiment, overwrite)
+    elif parameters.input or any(experiment):
         raise CommandError("--input, --set, --stop-time and --step-size need --record.")
-    named = {file: Path(file) for file in chosen.files}
-    reports = {kind: path for kind in REPORT_FILES if (path := getattr(chosen, kind)) is not None}
-    _check_places(reports, named.values(), overwrite)
+    files = {file: Path(file) for file in parameters.files}
+    reports = {kind: path for kind in REPORT_FILES if (path := getattr(parameters, kind)) is not None}
+    _check_report_files(reports, files.values(), overwrite)
     with catch_interrupts() as interrupted, BarProgress() as progress:
-        ours = _ours(progress) if chosen.all else {}
+        built_in_files = _build_built_in(progress) if parameters.all else {}
         references = (
-            documents_root() / "fmus" if chosen.all and chosen.reference is None else chosen.reference
+            documents_root() / "fmus"
+            if parameters.all and parameters.reference is None
+            else parameters.reference
         )
         report = verify(
-            named | ours,
+            files | built_in_files,
             reference=references,
-            only=chosen.only,
-            skip=chosen.skip,
-            tolerance=chosen.tolerance,
-            seconds=chosen.seconds,
-            memory=chosen.memory,
+            only=parameters.only,
+            skip=parameters.skip,
+            tolerance=parameters.tolerance,
+            seconds=parameters.seconds,
+            memory=parameters.memory,
             record=recording,
-            fail_on=chosen.fail_on,
-            must_run=chosen.must_run,
+            fail_on=parameters.fail_on,
+            must_run=parameters.must_run,
             progress=progress,
             interrupted=interrupted,
         )
@@ -148,7 +150,7 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     if recording is not None:
         _show_recorded(report)
     else:
-        _show(report, chosen.explain)
+        _show(report, parameters.explain)
     if not report.passed:
         raise CosimError(_describe_verdict(report))
 
@@ -158,13 +160,13 @@ def _describe_verdict(report: Report) -> str:
     if not report.complete:
         return "interrupted before all checks were done; the reports have what was finished."
     failures = len(report.failures)
-    others = sum(bool(one.objections) for one in report.examined)
-    said = [f"{format_count(failures, 'check')} failed"] if failures else []
-    said += [f"{format_count(others, 'FMU')} did not pass for other reasons"] if others else []
-    return f"{'; '.join(said)}."
+    objected = sum(bool(examined.objections) for examined in report.examined)
+    reasons = [f"{format_count(failures, 'check')} failed"] if failures else []
+    reasons += [f"{format_count(objected, 'FMU')} did not pass for other reasons"] if objected else []
+    return f"{'; '.join(reasons)}."
 
 
-def _check_places(reports: Mapping[str, Path], files: Iterable[Path], overwrite: bool) -> None:
+def _check_report_files(reports: Mapping[str, Path], files: Iterable[Path], overwrite: bool) -> None:
     """Raise CommandError if a report cannot be written, or would replace another file."""
     used = dict.fromkeys(files, "the file to verify")
     for kind, path in reports.items():
@@ -173,21 +175,21 @@ def _check_places(reports: Mapping[str, Path], files: Iterable[Path], overwrite:
         used[path] = REPORT_FILES[kind].what
 
 
-def _ours(progress: Progress) -> dict[str, Path]:
+def _build_built_in(progress: Progress) -> dict[str, Path]:
     """Return the FMUs of all built-in models, by model and flavour; native ones only without the extra."""
     flavours = FLAVOURS if has_extra("build") else FLAVOURS[:1]
     if flavours != FLAVOURS:
         progress.note("Note: only native FMUs are verified, because those of PythonFMU need the extra build.")
     progress.begin("building", len(MODELS) * len(flavours))
-    found = {}
+    paths = {}
     for flavour in flavours:
         for model in MODELS:
-            found[f"{model} ({flavour})"] = build(model, flavour, [])
+            paths[f"{model} ({flavour})"] = build(model, flavour, [])
             progress.advance(1)
-    return found
+    return paths
 
 
-def _catalogue() -> Table:
+def _list_checks() -> Table:
     table = Table(Column("check", no_wrap=True), "question", "source", title="Checks", title_justify="left")
     for check in CHECKS:
         table.add_row(check.name, escape(check.title), escape(str(check.clause)))
@@ -203,47 +205,53 @@ def _show(report: Report, explain: bool) -> None:
         more = (Verdict.PASSED, Verdict.SKIPPED) if explain else ()
         for verdict in (Verdict.FAILED, Verdict.WARNING, *more):
             _show_findings(examined, verdict, explain)
-        remarks = [f"[{_STYLE[Verdict.FAILED]}]not passed[/] {_text(x)}" for x in examined.objections]
-        remarks += [f"[dim]not examined[/] {_text(x)}" for x in examined.not_examined]
+        remarks = [f"[{_STYLE[Verdict.FAILED]}]not passed[/] {_escape(x)}" for x in examined.objections]
+        remarks += [f"[dim]not examined[/] {_escape(x)}" for x in examined.not_examined]
         for remark in remarks:
-            show(f"{_text(examined.label)}: {remark}", highlight=False, soft_wrap=True)
+            show(f"{_escape(examined.label)}: {remark}", highlight=False, soft_wrap=True)
     table = Table(Column("", overflow="fold"), *(str(v) for v in Verdict), "time / s")
     for examined in report.examined:
-        counts = (_count(len(examined.of(v)), v) for v in Verdict)
-        table.add_row(_text(examined.label), *counts, f"{examined.seconds:.1f}")
+        counts = (_format_count(len(examined.of(v)), v) for v in Verdict)
+        table.add_row(_escape(examined.label), *counts, f"{examined.seconds:.1f}")
     show(table)
 
 
 def _show_recorded(report: Report) -> None:
     """Show the reference files, or why they could not be written."""
     for examined in report.examined:
-        for found in examined.findings:
-            show(f"{_text(examined.label)}: {_text(found.sentence)}", highlight=False, soft_wrap=True)
+        for finding in examined.findings:
+            show(f"{_escape(examined.label)}: {_escape(finding.sentence)}", highlight=False, soft_wrap=True)
 
 
-def _text(text: str) -> str:
+def _escape(text: str) -> str:
     """Escape markup and control characters in text from files."""
     return escape(make_visible(text))
 
 
-def _count(count: int, verdict: Verdict) -> str:
+def _format_count(count: int, verdict: Verdict) -> str:
     return f"[{_STYLE[verdict]}]{count}[/]" if count else ""
 
 
 def _show_findings(examined: Examined, verdict: Verdict, explain: bool) -> None:
-    for found in examined.of(verdict):
-        name = f"[{_STYLE[verdict]}]{verdict}[/] [bold]{found.check}[/]"
-        show(f"{_text(examined.label)}: {name} {_text(found.sentence)}", highlight=False, soft_wrap=True)
-        more = [d for d in found.outcome.details if d.rstrip(".") not in found.sentence]
+    for finding in examined.of(verdict):
+        name = f"[{_STYLE[verdict]}]{verdict}[/] [bold]{finding.check}[/]"
+        show(
+            f"{_escape(examined.label)}: {name} {_escape(finding.sentence)}", highlight=False, soft_wrap=True
+        )
+        more = [d for d in finding.outcome.details if d.rstrip(".") not in finding.sentence]
         most = len(more) if explain else _MOST_DETAILS
         for detail in more[:most]:
-            show(f"    {_text(detail)}", highlight=False, soft_wrap=True)
+            show(f"    {_escape(detail)}", highlight=False, soft_wrap=True)
         if len(more) > most:
             show(f"    and {len(more) - most} more", highlight=False)
-        lines = [f'{found.clause}: "{found.clause.sentence}"'] if verdict == Verdict.FAILED or explain else []
-        lines += [f"What was done: {found.done}"] if explain else []
-        lines += [found.hint] if verdict == Verdict.FAILED or (explain and verdict == Verdict.WARNING) else []
-        lines += [f"Repeat it: {make_visible(format_command(examined, found))}"] if lines else []
+        lines = (
+            [f'{finding.clause}: "{finding.clause.sentence}"'] if verdict == Verdict.FAILED or explain else []
+        )
+        lines += [f"What was done: {finding.done}"] if explain else []
+        lines += (
+            [finding.hint] if verdict == Verdict.FAILED or (explain and verdict == Verdict.WARNING) else []
+        )
+        lines += [f"Repeat it: {make_visible(format_command(examined, finding))}"] if lines else []
         for line in lines:
             show(f"    {line}", style="dim", markup=False, highlight=False, soft_wrap=True)
 

@@ -31,7 +31,7 @@ class Group:
     def panels(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """Return the panels for the signals in `data`."""
         names = [n for n in self.signals if n in data]
-        return build_unit_panels(names, _units(result), data, self.title, result.types)
+        return build_unit_panels(names, _format_units(result), data, self.title, result.types)
 
 
 @dataclass(frozen=True)
@@ -46,18 +46,18 @@ class ByUnit(Drawing):
 
     def signals(self, result: "Result") -> Iterable[str]:
         """Return the signals of its group."""
-        return (name for group in self._own(result) for name in group.signals)
+        return (name for group in self._find_group(result) for name in group.signals)
 
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
         """Draw the panels below each other."""
-        for group in self._own(result):
+        for group in self._find_group(result):
             return draw_stacked(group.panels(result, data), group.title)
         return None
 
-    def _own(self, result: "Result") -> Sequence[Group]:
+    def _find_group(self, result: "Result") -> Sequence[Group]:
         """Return its group, or nothing if there are fewer groups or the system has metrics."""
-        known = any(result.metrics.values())
-        return [] if known else groups(result)[self.position : self.position + 1]
+        has_metrics = any(result.metrics.values())
+        return [] if has_metrics else group_signals(result)[self.position : self.position + 1]
 
 
 BY_UNIT: dict[str, Drawing] = {
@@ -66,47 +66,49 @@ BY_UNIT: dict[str, Drawing] = {
 """The plots by file name."""
 
 
-def groups(result: "Result") -> list[Group]:
+def group_signals(result: "Result") -> list[Group]:
     """Return the signals of a system without metrics in groups that fit in a plot."""
-    units = _units(result)
+    units = _format_units(result)
     texts = {name for name, kind in result.types.items() if kind.is_text}
-    changing = [n for n in result.names if n not in texts and _changes(result.signals.get(n))]
+    changing = [n for n in result.names if n not in texts and _has_changed(result.signals.get(n))]
     parts = {"": changing}
-    for split in (lambda name: name.partition(".")[0], partial(_component, result)):
+    for split in (lambda name: name.partition(".")[0], partial(_find_component, result)):
         parts = {
             title: signals
-            for whole, inside in parts.items()
+            for parent_title, part_signals in parts.items()
             for title, signals in (
-                _split(inside, split) if len(inside) > _MOST_SIGNALS else {whole: inside}
+                _split_signals(part_signals, split)
+                if len(part_signals) > _MOST_SIGNALS
+                else {parent_title: part_signals}
             ).items()
         }
     left_out = len(parts) - _MOST_PICTURES
-    found = list[Group]()
+    groups = list[Group]()
     for part, signals in list(parts.items())[:_MOST_PICTURES]:
-        kept = fit_panels(signals[:_MOST_SIGNALS], units, result.types, _MOST_PANELS)
-        counted = f" ({len(kept)} of {len(signals)} signals)" if len(kept) < len(signals) else ""
-        further = f"; {left_out} more parts are not plotted" if left_out > 0 and not found else ""
-        if kept:
-            found.append(Group(f"{': '.join(filter(None, (result.name, part)))}{counted}{further}", kept))
-    return found
+        fitting = fit_panels(signals[:_MOST_SIGNALS], units, result.types, _MOST_PANELS)
+        counted = f" ({len(fitting)} of {len(signals)} signals)" if len(fitting) < len(signals) else ""
+        further = f"; {left_out} more parts are not plotted" if left_out > 0 and not groups else ""
+        if fitting:
+            groups.append(Group(f"{': '.join(filter(None, (result.name, part)))}{counted}{further}", fitting))
+    return groups
 
 
-def _units(result: "Result") -> dict[str, str]:
+def _format_units(result: "Result") -> dict[str, str]:
     return {name: str(unit) for name, unit in result.units.items() if unit is not None}
 
 
-def _changes(figures: Mapping[str, float] | None) -> bool:
+def _has_changed(figures: Mapping[str, float] | None) -> bool:
     return figures is None or figures["minimum"] != figures["maximum"]
 
 
-def _split(signals: Sequence[str], by: Callable[[str], str]) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
+def _split_signals(signals: Sequence[str], by: Callable[[str], str]) -> dict[str, list[str]]:
+    signals_by_part: dict[str, list[str]] = {}
     for name in signals:
-        found.setdefault(by(name), []).append(name)
-    return found
+        signals_by_part.setdefault(by(name), []).append(name)
+    return signals_by_part
 
 
-def _component(result: "Result", name: str) -> str:
+def _find_component(result: "Result", name: str) -> str:
     """Return the component of a signal, or the name before the last dot if it is unknown."""
-    own = [c for c in result.record.get("components", ()) if name.startswith(f"{c}.")]
-    return max(own, key=len) if own else name.rpartition(".")[0]
+    candidates = [c for c in result.record.get("components", ()) if name.startswith(f"{c}.")]
+    return max(candidates, key=len) if candidates else name.rpartition(".")[0]

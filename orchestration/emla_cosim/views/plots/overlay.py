@@ -70,13 +70,13 @@ class Overlay:
     notes: Sequence[str]
 
 
-def read_traces(places: Sequence[Path]) -> list[Traces]:
+def read_traces(paths: Sequence[Path]) -> list[Traces]:
     """Read runs from output folders or tables. Raise CommandError if one is missing, or for too many."""
-    if len(places) > _MOST_RUNS:
-        raise CommandError(f"{len(places)} runs are too many: a plot shows up to {_MOST_RUNS}.")
-    names = [place.resolve().name for place in places]
-    labels = names if len(set(names)) == len(names) else [str(place) for place in places]
-    return [_read_trace(place, label) for place, label in zip(places, labels, strict=True)]
+    if len(paths) > _MOST_RUNS:
+        raise CommandError(f"{len(paths)} runs are too many: a plot shows up to {_MOST_RUNS}.")
+    names = [path.resolve().name for path in paths]
+    labels = names if len(set(names)) == len(names) else [str(path) for path in paths]
+    return [_read_trace(path, label) for path, label in zip(paths, labels, strict=True)]
 
 
 def plot_signals(
@@ -100,8 +100,8 @@ def plot_summary(result: "Result") -> "Figure":
     """
     run = _trace_result(result)
     names = [name for name in run.names if not run.types.get(name, REAL).is_text]
-    chosen, _ = _choose_default_signals([run], names, run.units, run.types, _FEW_PANELS)
-    return overlay_runs([run], chosen, title="").figure
+    selected, _ = _choose_default_signals([run], names, run.units, run.types, _FEW_PANELS)
+    return overlay_runs([run], selected, title="").figure
 
 
 def _trace_result(result: "Result") -> Traces:
@@ -147,63 +147,63 @@ def overlay_runs(
         if (text := next((p for p in patterns if p in texts), None)) is not None:
             raise CommandError(f"'{text}' has texts, which cannot be plotted.", name=text)
         mains = {run.main for run in runs}
-        chosen = select_names(patterns, names, "signal", mains.pop() if len(mains) == 1 else "")
-        _check_room(chosen, units, types, len(runs))
+        selected = select_names(patterns, names, "signal", mains.pop() if len(mains) == 1 else "")
+        _check_panel_count(selected, units, types, len(runs))
     else:
-        chosen, notes = _choose_default_signals(runs, names, units, types)
-    notes += [*(note for run in runs for note in run.notes), *_describe_missing(runs, chosen)]
+        selected, notes = _choose_default_signals(runs, names, units, types)
+    notes += [*(note for run in runs for note in run.notes), *_describe_missing(runs, selected)]
     data = list[Mapping[str, Vector]]()
     for run in runs:
-        rows, left_out = _cut(run, chosen, begin, end)
+        rows, left_out = _read_between(run, selected, begin, end)
         data.append(rows)
         notes += [f"{run.label}: {left_out}."] if left_out else []
     if not any(len(columns["time"]) for columns in data):
         raise CommandError("there are no rows to plot between these times.")
     if len(runs) == 1:
-        panels = build_unit_panels(chosen, units, data[0], runs[0].label, types)
+        panels = build_unit_panels(selected, units, data[0], runs[0].label, types)
     else:
-        panels = [panel for name in chosen for panel in _overlay_signal(name, runs, units, types, data)]
+        panels = [panel for name in selected for panel in _overlay_signal(name, runs, units, types, data)]
     if title is None and layout == SCREEN:
         title = ", ".join(run.label for run in runs)
     return Overlay(draw_stacked(panels, title, LAYOUTS[layout]), notes)
 
 
-def _read_trace(place: Path, label: str) -> Traces:
-    stored = open_stored_run(place, "the run")
+def _read_trace(path: Path, label: str) -> Traces:
+    stored = open_stored_run(path, "the run")
     record = stored.path.parent / "run.json"
-    content = _record(record)
-    units = stored.units | _texts(content, "units")
+    content = _read_record(record)
+    units = stored.units | _read_texts(content, "units")
     connections = filter(lambda text: isinstance(text, str), content.get("connections") or ())
-    roles = default_roles(connections) | _texts(content.get("settings"), "roles")
+    roles = default_roles(connections) | _read_texts(content.get("settings"), "roles")
     types = stored.types | read_types(content.get(COLUMN_TYPES))
     files = stored.path, record
     main = find_main_component(content)
     return Traces(label, stored.names, units, types, stored, roles, files, main, stored.notes)
 
 
-def _record(path: Path) -> dict[str, Any]:
+def _read_record(path: Path) -> dict[str, Any]:
     """Return the content of run.json, or nothing if it is missing or invalid."""
     try:
-        found = json.loads(read_text(path, "the record"))
+        content = json.loads(read_text(path, "the record"))
     except (CommandError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return content if isinstance(content, dict) else {}
 
 
-def _texts(content: Any, key: str) -> dict[str, str]:
+def _read_texts(content: Any, key: str) -> dict[str, str]:
     """Return texts by name from a part of a record, or nothing if it has other content."""
-    found = content.get(key) if isinstance(content, dict) else None
-    return {n: t for n, t in found.items() if isinstance(t, str)} if isinstance(found, dict) else {}
+    entries = content.get(key) if isinstance(content, dict) else None
+    return {n: t for n, t in entries.items() if isinstance(t, str)} if isinstance(entries, dict) else {}
 
 
-def _check_room(
-    chosen: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType], runs: int
+def _check_panel_count(
+    selected: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType], runs: int
 ) -> None:
-    needed = len(chosen) if runs > 1 else count_panels(chosen, units, types)
+    needed = len(selected) if runs > 1 else count_panels(selected, units, types)
     if needed > MOST_PANELS:
         raise CommandError(
-            f"{len(chosen)} signals need {needed} panels, but a plot has at most {MOST_PANELS}; name "
-            f"fewer, such as '{chosen[0]}'."
+            f"{len(selected)} signals need {needed} panels, but a plot has at most {MOST_PANELS}; name "
+            f"fewer, such as '{selected[0]}'."
         )
 
 
@@ -216,32 +216,32 @@ def _choose_default_signals(
 ) -> tuple[list[str], list[str]]:
     """Return the signals to plot in so many panels without a pattern, and a remark if some are left out."""
     roles = {role: name for run in runs for role, name in run.roles.items()}
-    found = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
-    chosen = list(dict.fromkeys(name for pair in found for name in pair)) or list(names)
+    pairs = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
+    candidates = list(dict.fromkeys(name for pair in pairs for name in pair)) or list(names)
     is_single = len(runs) == 1
-    kept = fit_panels(chosen, units, types, panels) if is_single else chosen[:panels]
-    if len(kept) == len(names):
-        return kept, []
-    return kept, [f"{len(kept)} of {len(names)} signals are plotted; --signals selects others."]
+    fitting = fit_panels(candidates, units, types, panels) if is_single else candidates[:panels]
+    if len(fitting) == len(names):
+        return fitting, []
+    return fitting, [f"{len(fitting)} of {len(names)} signals are plotted; --signals selects others."]
 
 
-def _describe_missing(runs: Sequence[Traces], chosen: Sequence[str]) -> list[str]:
+def _describe_missing(runs: Sequence[Traces], selected: Sequence[str]) -> list[str]:
     """Return remarks on signals that some runs lack."""
     notes = []
     for run in runs:
-        there = set(run.names)
-        if lacking := [name for name in chosen if name not in there]:
+        run_names = set(run.names)
+        if lacking := [name for name in selected if name not in run_names]:
             more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
             notes.append(f"{run.label} has no {lacking[0]}{more}.")
     return notes
 
 
-def _cut(
-    run: Traces, chosen: Sequence[str], begin: float | None, end: float | None
+def _read_between(
+    run: Traces, selected: Sequence[str], begin: float | None, end: float | None
 ) -> tuple[dict[str, Vector], str]:
     """Return the run's signals and `time` between two times, and a note on rows that are left out."""
-    there = set(run.names)
-    data, left_out = read_rows(run.table, [name for name in chosen if name in there])
+    run_names = set(run.names)
+    data, left_out = read_rows(run.table, [name for name in selected if name in run_names])
     time = data["time"]
     inside = (time >= (-np.inf if begin is None else begin)) & (time <= (np.inf if end is None else end))
     return {name: values[inside] for name, values in data.items()}, left_out
@@ -255,10 +255,10 @@ def _overlay_signal(
     data: Sequence[Mapping[str, Vector]],
 ) -> list[Plot]:
     """Return the panels of a signal of all runs that have it, one per unit."""
-    found: dict[str, list[Line]] = {}
+    lines_by_unit: dict[str, list[Line]] = {}
     for i, (run, columns) in enumerate(zip(runs, data, strict=True)):
         if name in columns:
             line = number_line(i, run.label, columns["time"], columns[name], types.get(name, REAL))
-            found.setdefault(run.units.get(name, units.get(name, "")), []).append(line)
+            lines_by_unit.setdefault(run.units.get(name, units.get(name, "")), []).append(line)
     items = name_values(types.get(name, REAL))
-    return [Plot(unit, tuple(lines), column=name, items=items) for unit, lines in found.items()]
+    return [Plot(unit, tuple(lines), column=name, items=items) for unit, lines in lines_by_unit.items()]

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from ...inputs.stored_runs import StoredRun
     from ...run.result import Result
 
-_LETTERS = 13
+_LETTERS_PER_INCH = 13
 """Letters per inch in the line below the title."""
 
 _PANEL_WIDTH, _PANEL_HEIGHT = 3.9, 2.1
 """Width and height of a panel with its labels in inches."""
 
-_LEFT, _RIGHT, _BOTTOM, _TOP = 0.95, 0.15, 0.55, 0.78
+_LEFT_MARGIN, _RIGHT_MARGIN, _BOTTOM_MARGIN, _TOP_MARGIN = 0.95, 0.15, 0.55, 0.78
 """Margins around the axes in inches. Measuring all labels takes longer than the drawing."""
 
 _COLUMN_GAP, _ROW_GAP, _TIME_GAP = 0.75, 0.25, 0.65
@@ -45,7 +45,7 @@ _SHADE = {"color": RED, "alpha": 0.12, "linewidth": 0.0}
 MOST_ROWS = 200_000
 """Of longer tables plots show only every n-th row."""
 
-_NEAR = 0.3
+_NEAR_FRACTION = 0.3
 """Distance at which a limit is shown, relative to the range of the curves."""
 
 
@@ -57,14 +57,17 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
     """
     columns = list(dict.fromkeys(panel.column for panel in panels))
     rows = [panels[i : i + len(columns)] for i in range(0, len(panels), len(columns))]
-    shown, still = [row for row in rows if has_changes(row)], [row for row in rows if not has_changes(row)]
-    if not shown:
-        shown, still = still, []
-    shares_time = [*(upper[0].part == lower[0].part for upper, lower in pairwise(shown)), False]
+    changing_rows, constant_rows = (
+        [row for row in rows if has_changes(row)],
+        [row for row in rows if not has_changes(row)],
+    )
+    if not changing_rows:
+        changing_rows, constant_rows = constant_rows, []
+    shares_time = [*(upper[0].part == lower[0].part for upper, lower in pairwise(changing_rows)), False]
     figure, grid = _make_grid(
         len(columns), [_ROW_GAP if is_shared else _TIME_GAP for is_shared in shares_time]
     )
-    for i, row in enumerate(shown):
+    for i, row in enumerate(changing_rows):
         entries = {}
         for axes, panel in zip(grid[i], row, strict=True):
             entries |= _draw_panel(axes, panel)
@@ -77,12 +80,12 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
             else:
                 axes.set_xlabel("time / s")
     for j, column in enumerate(columns):
-        named = [] if columns == [name] else [column]
-        title_of_column = "   ".join([*named, *(_constant(row[j]) for row in still)])
+        column_name = [] if columns == [name] else [column]
+        title_of_column = "   ".join([*column_name, *(_format_constant(row[j]) for row in constant_rows)])
         grid[0, j].set_title(title_of_column, y=1.0, fontsize=11, parse_math=False)
     width, height = figure.get_size_inches()
     figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12, fontweight="bold", parse_math=False)
-    headline = shorten_text(run, int(_LETTERS * width))
+    headline = shorten_text(run, int(_LETTERS_PER_INCH * width))
     figure.text(0.5, 1.0 - 0.4 / height, headline, ha="center", color=GREY, fontsize=9, parse_math=False)
     _set_margins(figure, grid)
     return figure
@@ -91,7 +94,7 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
 def _make_grid(columns: int, gaps: Sequence[float]) -> "tuple[Figure, np.ndarray]":
     """Return a figure and its axes, with these distances in inches below all rows but the last one."""
     width, height = 1.2 + _PANEL_WIDTH * columns, 0.8 + _PANEL_HEIGHT * len(gaps)
-    axes_height = (height - _BOTTOM - _TOP - sum(gaps[:-1])) / len(gaps)
+    axes_height = (height - _BOTTOM_MARGIN - _TOP_MARGIN - sum(gaps[:-1])) / len(gaps)
     heights = [part for gap in gaps for part in (axes_height, gap)][:-1]
     figure = make_figure(width, height)
     cells = figure.add_gridspec(len(heights), columns, height_ratios=heights)
@@ -102,16 +105,16 @@ def _make_grid(columns: int, gaps: Sequence[float]) -> "tuple[Figure, np.ndarray
 def _set_margins(figure: "Figure", grid: np.ndarray) -> None:
     """Set fixed margins, and widen the figure by the legends right of its panels."""
     legends = [legend for axes in grid[:, -1] if (legend := axes.get_legend()) is not None]
-    beside = max((legend.get_window_extent().width for legend in legends), default=0.0) / figure.dpi
+    legend_width = max((legend.get_window_extent().width for legend in legends), default=0.0) / figure.dpi
     columns, (narrow, height) = grid.shape[1], figure.get_size_inches()
-    width = narrow + beside
-    axes_width = (narrow - _LEFT - _RIGHT - _COLUMN_GAP * (columns - 1)) / columns
+    width = narrow + legend_width
+    axes_width = (narrow - _LEFT_MARGIN - _RIGHT_MARGIN - _COLUMN_GAP * (columns - 1)) / columns
     figure.set_size_inches(width, height)
     figure.subplots_adjust(
-        left=_LEFT / width,
-        right=1.0 - (_RIGHT + beside) / width,
-        bottom=_BOTTOM / height,
-        top=1.0 - _TOP / height,
+        left=_LEFT_MARGIN / width,
+        right=1.0 - (_RIGHT_MARGIN + legend_width) / width,
+        bottom=_BOTTOM_MARGIN / height,
+        top=1.0 - _TOP_MARGIN / height,
         wspace=_COLUMN_GAP / axes_width,
         hspace=0.0,  # distances are rows of the grid
     )
@@ -128,7 +131,7 @@ def has_changes(panels: Sequence[Plot]) -> bool:
     )
 
 
-def _constant(panel: Plot) -> str:
+def _format_constant(panel: Plot) -> str:
     """Return the text for a panel without changes."""
     quantity, _, unit = panel.label.partition(" / ")
     value = panel.lines[0].values[0] if panel.lines else np.nan
@@ -143,7 +146,7 @@ def _draw_panel(axes: "Axes", panel: Plot) -> "dict[str, Artist]":
     tidy_axes(axes)
     axes.tick_params(bottom=False, left=False)  # the grid shows the ticks; drawing them takes a tenth longer
     axes.locator_params(nbins=5)
-    for limit in _near_limits(panel):
+    for limit in _find_near_limits(panel):
         entries[fill(f"beyond the {limit.label}", _LINE_LETTERS)] = _shade(axes, limit)
     if not panel.lines:
         axes.text(0.5, 0.5, "no such signal", transform=axes.transAxes, ha="center", color=GREY, fontsize=9)
@@ -179,32 +182,32 @@ def _shade(axes: "Axes", limit: Limit) -> "Artist":
     return Patch(**_SHADE)
 
 
-def _near_limits(panel: Plot) -> list[Limit]:
+def _find_near_limits(panel: Plot) -> list[Limit]:
     """Return the limits that curves come near to, with those ends only."""
-    lowest, highest = _reach(panel.lines)
-    near = _NEAR * (highest - lowest)
-    found = []
+    lowest, highest = _find_range(panel.lines)
+    near = _NEAR_FRACTION * (highest - lowest)
+    near_limits = []
     for limit in panel.limits:
         low = limit.low if limit.low is not None and lowest < limit.low + near else None
         high = limit.high if limit.high is not None and highest > limit.high - near else None
         if low is not None or high is not None:
-            found.append(Limit(limit.label, low, high))
-    return found
+            near_limits.append(Limit(limit.label, low, high))
+    return near_limits
 
 
-def _reach(lines: Sequence[Line]) -> tuple[float, float]:
-    known = [x.values[np.isfinite(mask_undrawable(x.values))] for x in lines]
-    known = [values for values in known if len(values)]
-    if not known:
+def _find_range(lines: Sequence[Line]) -> tuple[float, float]:
+    curves = [x.values[np.isfinite(mask_undrawable(x.values))] for x in lines]
+    curves = [values for values in curves if len(values)]
+    if not curves:
         return np.nan, np.nan
-    return min(float(v.min()) for v in known), max(float(v.max()) for v in known)
+    return min(float(v.min()) for v in curves), max(float(v.max()) for v in curves)
 
 
 def read_rows(table: "Result | StoredRun", names: Sequence[str]) -> tuple[dict[str, Vector], str]:
     """Return columns and `time` by name, and a note on rows that are left out, empty if none is."""
     data = dict(table.read(["time", *names], MOST_ROWS))
-    shown = len(data["time"])
-    if 2 * shown <= MOST_ROWS:  # a longer table would fill more than half
+    drawn_count = len(data["time"])
+    if 2 * drawn_count <= MOST_ROWS:  # a longer table would fill more than half
         return data, ""
     rows = len(table.read(["time"])["time"])
-    return data, f"{shown} of {rows} rows drawn" if shown < rows else ""
+    return data, f"{drawn_count} of {rows} rows drawn" if drawn_count < rows else ""

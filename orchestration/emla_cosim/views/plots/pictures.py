@@ -44,7 +44,7 @@ class Drawing(ABC):
         """Return the figure, or None if `data` lacks signals. `data` includes `time`."""
 
 
-def _inside(column: str, signal: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
+def _find_signal(column: str, signal: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
     name = f"{column}.{signal}"
     name = roles.get(name, name)
     return name if name in names else None
@@ -99,7 +99,7 @@ class RangeLimit(Bound):
 
     def resolve(self, result: "Result", column: str, find: Find) -> Limit | None:
         """Return the range, from the parameters of the result."""
-        ends = [_product(names, find, result.parameters) for names in (self.low, self.high)]
+        ends = [_multiply_parameters(names, find, result.parameters) for names in (self.low, self.high)]
         low, high = (None if end is None else self.scale * end for end in ends)
         if high is None:
             return None
@@ -135,32 +135,36 @@ class Picture(Drawing):
     title: str
     panels: tuple[PanelSpec, ...]
     of: str
-    find: Callable[[str, str, Collection[str], Mapping[str, str]], str | None] = _inside
+    find: Callable[[str, str, Collection[str], Mapping[str, str]], str | None] = _find_signal
     worst: str = ""
     index: Callable[[Iterable[str]], Collection[str]] = set
 
     def signals(self, result: "Result") -> Iterable[str]:
         """Return the signals of the curves of all columns."""
         names = self.index(result.names)
-        wanted = dict.fromkeys(name for p in self.panels for curve in p.curves for name in curve.names)
-        found = (
+        needed = dict.fromkeys(name for p in self.panels for curve in p.curves for name in curve.names)
+        names_of_columns = (
             self.find(column, signal, names, result.roles)
             for column in self._choose_columns(result)
-            for signal in wanted
+            for signal in needed
         )
-        return [name for name in found if name is not None]
+        return [name for name in names_of_columns if name is not None]
 
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
         """Draw the panels whose curves have signals."""
-        shown = self.resolved(result, data)
-        if not has_changes(shown):
+        panels = self.resolve_panels(result, data)
+        if not has_changes(panels):
             return None
-        return draw_panels(shown, self.title_of(result), format_headline(result), result.name)
+        return draw_panels(panels, self.make_title(result), format_headline(result), result.name)
 
-    def title_of(self, result: "Result") -> str:
+    def make_title(self, result: "Result") -> str:
         """Return the title, with the number of columns if not all are shown."""
-        shown, known = len(self._choose_columns(result)), len(result.metrics.get(self.of, ()))
-        return self.title if shown == known else f"{self.title}: the {shown} worst of {known} {self.of}"
+        drawn_count, total = len(self._choose_columns(result)), len(result.metrics.get(self.of, ()))
+        return (
+            self.title
+            if drawn_count == total
+            else f"{self.title}: the {drawn_count} worst of {total} {self.of}"
+        )
 
     def _choose_columns(self, result: "Result") -> list[str]:
         """Return the columns to show, the worst ones first if there are many."""
@@ -174,15 +178,17 @@ class Picture(Drawing):
 
         return sorted(metrics, key=severity, reverse=True)[:MOST_COLUMNS]
 
-    def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
+    def resolve_panels(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """Return the panels row by row: one for each column that has signals."""
         columns, names = self._choose_columns(result), self.index(result.names)
-        found = [[self._resolve(panel, c, result, names, data) for c in columns] for panel in self.panels]
-        some = [any(row[i].lines for row in found) for i in range(len(columns))]
-        rows = [row for row in found if any(panel.lines for panel in row)]
-        return [panel for row in rows for panel, known in zip(row, some, strict=True) if known]
+        grid = [
+            [self._resolve_panel(panel, c, result, names, data) for c in columns] for panel in self.panels
+        ]
+        has_lines = [any(row[i].lines for row in grid) for i in range(len(columns))]
+        rows = [row for row in grid if any(panel.lines for panel in row)]
+        return [panel for row in rows for panel, has_line in zip(row, has_lines, strict=True) if has_line]
 
-    def _resolve(
+    def _resolve_panel(
         self,
         panel: PanelSpec,
         column: str,
@@ -198,14 +204,14 @@ class Picture(Drawing):
         time = data["time"]
         kind, metric = panel.since or (self.of, EVALUATED_FROM)
         since = result.metrics.get(kind, {}).get(column, {}).get(metric)
-        shown = _select_rows(time, panel.part, _begin(since, time))
+        rows = _select_rows(time, panel.part, _find_settled_start(since, time))
         lines = []
         for curve in panel.curves:
             signals = [find(name, names) for name in curve.names]
             values = [data[name] for name in signals if name is not None and name in data]
             if len(values) == len(signals):
-                drawn = _values(curve, values, time)[shown]
-                lines.append(Line(curve.label, time[shown], drawn, curve.color, curve.dashed))
+                drawn = _compute_values(curve, values, time)[rows]
+                lines.append(Line(curve.label, time[rows], drawn, curve.color, curve.dashed))
         limit = None if panel.bound is None else panel.bound.resolve(result, column, find)
         limits = () if limit is None else (limit,)
         return Plot(panel.label, tuple(lines), limits=limits, column=column, part=panel.part)
@@ -215,10 +221,10 @@ FIGURES: dict[str, Drawing] = {}
 """Plots of every run that has signals for them, by file name."""
 
 
-def drawn(result: "Result") -> "Iterator[tuple[str, Figure | None]]":
+def draw_figures(result: "Result") -> "Iterator[tuple[str, Figure | None]]":
     """Draw each plot by name. The figure is None if the result has no signals for it, or no value changes."""
-    wanted = {name for picture in FIGURES.values() for name in picture.signals(result)}
-    data, left_out = read_rows(result, [name for name in result.names if name in wanted])
+    needed = {name for picture in FIGURES.values() for name in picture.signals(result)}
+    data, left_out = read_rows(result, [name for name in result.names if name in needed])
     if len(data["time"]) >= 2:
         for name, picture in FIGURES.items():
             figure = picture.drawn(result, data)
@@ -234,28 +240,28 @@ def _select_rows(time: Vector, part: Part, settled: float) -> np.ndarray:
     return time <= settled if part == "settling" else time >= settled
 
 
-def _begin(begin: float | None, time: Vector) -> float:
+def _find_settled_start(evaluated_from: float | None, time: Vector) -> float:
     """Return the time in s at which settled panels begin, from that of the metrics."""
-    if begin is None or math.isnan(begin):  # it has not settled, or has no such metric
+    if evaluated_from is None or math.isnan(evaluated_from):  # it has not settled, or has no such metric
         return float(time[0]) + (_TRANSIENT if time[-1] > time[0] + 2 * _TRANSIENT else 0.0)
-    return begin if (time >= begin).sum() > 1 else float(time[0])
+    return evaluated_from if (time >= evaluated_from).sum() > 1 else float(time[0])
 
 
-def _values(curve: Curve, values: Sequence[Vector], time: Vector) -> Vector:
+def _compute_values(curve: Curve, values: Sequence[Vector], time: Vector) -> Vector:
     """Return the values of a curve from the signals that it names."""
-    found, *others = values
+    result, *operands = values
     with np.errstate(all="ignore"):
         if curve.times is not None:
-            found = found * others.pop(0)
+            result = result * operands.pop(0)
         if curve.less is not None:
-            found = found - others.pop(0)
+            result = result - operands.pop(0)
         if curve.integrated:
-            steps = np.diff(time) * (found[1:] + found[:-1]) / 2.0
-            found = np.concatenate([[0.0], np.cumsum(steps)])
-        return curve.scale * found
+            steps = np.diff(time) * (result[1:] + result[:-1]) / 2.0
+            result = np.concatenate([[0.0], np.cumsum(steps)])
+        return curve.scale * result
 
 
-def _product(names: Sequence[str], find: Find, parameters: Mapping[str, float]) -> float | None:
-    found = [None if (n := find(name, parameters)) is None else parameters[n] for name in names]
-    known = [value for value in found if value is not None]
-    return math.prod(known) if len(known) == len(found) else None
+def _multiply_parameters(names: Sequence[str], find: Find, parameters: Mapping[str, float]) -> float | None:
+    factors = [None if (n := find(name, parameters)) is None else parameters[n] for name in names]
+    existing = [value for value in factors if value is not None]
+    return math.prod(existing) if len(existing) == len(factors) else None

@@ -102,11 +102,11 @@ def fit_panels(
     names: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType], most: int
 ) -> list[str]:
     """Return the first signals that fit in so many panels."""
-    found = list[str]()
+    fitting = list[str]()
     for name in names:
-        if count_panels([*found, name], units, types) <= most:
-            found.append(name)
-    return found
+        if count_panels([*fitting, name], units, types) <= most:
+            fitting.append(name)
+    return fitting
 
 
 def group_by_unit(
@@ -140,13 +140,13 @@ def draw_stacked(panels: Sequence[Plot], title: str | None, layout: Layout = LAY
     with rc_context({"font.size": layout.text, "axes.labelsize": layout.text}):
         figure, grid = new_figure(-(-len(panels) // columns), columns, layout.width - 1.2, height)
         axes = list(grid.flat)
-        for place, panel in zip(axes, panels, strict=False):
-            _draw(place, panel, is_titled, layout)
-        for place in axes[len(panels) :]:
-            place.set_visible(False)
-        for place in axes[max(len(panels) - columns, 0) : len(panels)]:
-            place.tick_params(labelbottom=True)
-            place.set_xlabel("time / s")
+        for cell_axes, panel in zip(axes, panels, strict=False):
+            _draw_panel(cell_axes, panel, is_titled, layout)
+        for cell_axes in axes[len(panels) :]:
+            cell_axes.set_visible(False)
+        for cell_axes in axes[max(len(panels) - columns, 0) : len(panels)]:
+            cell_axes.tick_params(labelbottom=True)
+            cell_axes.set_xlabel("time / s")
         if title:
             size = 1.2 * layout.text
             figure.suptitle(title, fontsize=size, fontweight="bold", parse_math=False)
@@ -169,7 +169,7 @@ def _measure_legend(panel: Plot, layout: Layout, is_titled: bool) -> float:
     return _LEGEND_LINE * max(lines - 2, 0)
 
 
-def _draw(axes: "Axes", panel: Plot, titled: bool, layout: Layout) -> None:
+def _draw_panel(axes: "Axes", panel: Plot, titled: bool, layout: Layout) -> None:
     entries = [(shorten_name(line.label), draw_line(axes, line)) for line in panel.lines]
     axes.set_ylabel(panel.label, parse_math=False)
     if 0 < len(panel.items) <= _MOST_ITEMS:

@@ -16,21 +16,21 @@ from ..formatting import describe_stepping, format_short, list_overrides
 from ..idealisations import describe_idealisations, list_idealisations
 from . import picture_plots, signals, tables
 
-_VALUES = 20_000_000
+_MOST_VALUES = 20_000_000
 """Most rows to read; of longer results only every n-th row is drawn."""
 
-_COMPARED = 60
+_MOST_COMPARED = 60
 """Most signals to show beside a reference."""
 
 
 def render_page(result: Result, notes: Sequence[str] = ()) -> str:
     """Return the text of the page. `notes` are remarks without full stops. May raise OSError."""
-    plots, record, data = Plots(), result.record, _data(result)
+    plots, record, data = Plots(), result.record, _read_data(result)
     components: Mapping[str, Any] = record.get("components", {})
     connections: Sequence[str] = record.get("connections", ())
-    shown, left_out = picture_plots.build_pictures(result, data, plots)
+    pictures, left_out = picture_plots.build_pictures(result, data, plots)
     verdict, sentences = tables.describe_ending(result)
-    first = sorted(result.comparisons, key=lambda one: one.inside)[:_COMPARED]
+    compared = sorted(result.comparisons, key=lambda one: one.inside)[:_MOST_COMPARED]
     return render_template(
         __package__ or "",
         "page.html",
@@ -49,14 +49,14 @@ def render_page(result: Result, notes: Sequence[str] = ()) -> str:
         ],
         idealised=describe_idealisations(result),
         idealisations=list_idealisations(result),
-        pictures=shown,
+        pictures=pictures,
         left_out=left_out,
         signals=signals.list_signal_rows(result, data, plots),
-        recorded=len(_names(result)),
+        recorded=len(_list_recorded(result)),
         rows=len(data["time"]),
-        comparisons=build_comparison_rows(first, plots),
+        comparisons=build_comparison_rows(compared, plots),
         compared=len(result.comparisons),
-        inside=sum(one.inside for one in result.comparisons),
+        inside=sum(comparison.inside for comparison in result.comparisons),
         components=components,
         connections=connections,
         diagrams=build_diagrams(
@@ -71,15 +71,15 @@ def render_page(result: Result, notes: Sequence[str] = ()) -> str:
     )
 
 
-def _names(result: Result) -> list[str]:
+def _list_recorded(result: Result) -> list[str]:
     """Return the recorded signals, or none without a table."""
     return [] if result.table is None or result.steps == 0 else result.names
 
 
-def _data(result: Result) -> Mapping[str, Vector]:
+def _read_data(result: Result) -> Mapping[str, Vector]:
     """Return time and the signals that the page shows."""
-    names = [n for n in _names(result) if not result.types.get(n, REAL).is_text]
+    names = [n for n in _list_recorded(result) if not result.types.get(n, REAL).is_text]
     if not names:
         return {"time": np.empty(0)}
-    wanted = dict.fromkeys(["time", *names[: signals.MOST], *picture_plots.list_signals(result)])
-    return result.read(list(wanted), _VALUES // len(wanted))
+    needed = dict.fromkeys(["time", *names[: signals.MOST], *picture_plots.list_signals(result)])
+    return result.read(list(needed), _MOST_VALUES // len(needed))

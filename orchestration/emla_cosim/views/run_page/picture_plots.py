@@ -9,17 +9,17 @@ from ...base.arrays import Vector
 from ...pages.page import Plots
 from ...pages.panels import Plot
 from ...run.result import Result
-from ..plots.by_unit import groups
+from ..plots.by_unit import group_signals
 from ..plots.panel_drawing import has_changes
 from ..plots.pictures import FIGURES, Picture
 
-_POINTS = 110_000
+_MOST_POINTS = 110_000
 """Most points of all lines together, of about 11 bytes each."""
 
-_PANELS = 120
+_MOST_PANELS = 120
 """Most panels on a page."""
 
-_COLUMNS = 3
+_MOST_COLUMNS = 3
 """Most panels side by side."""
 
 
@@ -43,8 +43,8 @@ class PagePicture:
 
 def list_signals(result: Result) -> Iterable[str]:
     """Return the signals that plots show."""
-    known = [name for picture in _pictures() for name in picture.signals(result)]
-    return known or (name for group in groups(result) for name in group.signals)
+    of_pictures = [name for picture in _list_pictures() for name in picture.signals(result)]
+    return of_pictures or (name for group in group_signals(result) for name in group.signals)
 
 
 def build_pictures(result: Result, data: Mapping[str, Vector], plots: Plots) -> tuple[list[PagePicture], int]:
@@ -54,25 +54,25 @@ def build_pictures(result: Result, data: Mapping[str, Vector], plots: Plots) -> 
     """
     if len(data["time"]) < 2:
         return [], 0
-    pictures = [(p.title_of(result), p.resolved(result, data)) for p in _pictures()]
+    pictures = [(p.make_title(result), p.resolve_panels(result, data)) for p in _list_pictures()]
     pictures = [(title, panels) for title, panels in pictures if has_changes(panels)]
-    pictures = pictures or [(group.title, group.panels(result, data)) for group in groups(result)]
-    resolved = [(title, panel) for title, panels in pictures for panel in panels if panel.lines]
-    found = resolved[:_PANELS]
-    most = int(np.clip(_POINTS / max(sum(len(panel.lines) for _, panel in found), 1), 100, 4000))
+    pictures = pictures or [(group.title, group.panels(result, data)) for group in group_signals(result)]
+    panels_with_titles = [(title, panel) for title, panels in pictures for panel in panels if panel.lines]
+    fitting = panels_with_titles[:_MOST_PANELS]
+    most = int(np.clip(_MOST_POINTS / max(sum(len(panel.lines) for _, panel in fitting), 1), 100, 4000))
     by_title: dict[str, list[Plot]] = {}
-    for title, panel in found:
+    for title, panel in fitting:
         by_title.setdefault(title, []).append(panel)
-    made = [_build_picture(title, panels, most, plots) for title, panels in by_title.items()]
-    return made, len(resolved) - len(found)
+    page_pictures = [_build_picture(title, panels, most, plots) for title, panels in by_title.items()]
+    return page_pictures, len(panels_with_titles) - len(fitting)
 
 
-def _pictures() -> list[Picture]:
+def _list_pictures() -> list[Picture]:
     return [picture for picture in FIGURES.values() if isinstance(picture, Picture)]
 
 
 def _build_picture(title: str, panels: Sequence[Plot], most: int, plots: Plots) -> PagePicture:
     columns = len(dict.fromkeys(panel.column for panel in panels))
-    columns = 2 if columns == 1 < len(panels) else min(columns, _COLUMNS)
-    made = (PagePanel(p.column, p.label, plots.add(p, most)) for p in panels)
-    return PagePicture(title, columns, tuple(made))
+    columns = 2 if columns == 1 < len(panels) else min(columns, _MOST_COLUMNS)
+    page_panels = (PagePanel(p.column, p.label, plots.add(p, most)) for p in panels)
+    return PagePicture(title, columns, tuple(page_panels))

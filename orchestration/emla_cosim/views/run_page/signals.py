@@ -49,9 +49,9 @@ def list_signal_rows(result: Result, data: Mapping[str, Vector], plots: Plots) -
     """Return the first signals in `data`, and add their plots to the page."""
     names = [name for name in data if name != "time"][:MOST]
     units = {name: str(result.units.get(name) or "") for name in names}
-    shown = _add_plots(names, units, data, result.types, plots) if len(data["time"]) else {}
+    plot_ids = _add_plots(names, units, data, result.types, plots) if len(data["time"]) else {}
     return [
-        SignalRow(name, units[name], shown.get(name, ""), **_read_figures(result.signals.get(name, {})))
+        SignalRow(name, units[name], plot_ids.get(name, ""), **_read_figures(result.signals.get(name, {})))
         for name in names
     ]
 
@@ -69,7 +69,7 @@ def _add_plots(
     time = data["time"]
     points = _find_points(time, [data[name] for name in names])
     retained = dict(zip(names, points, strict=True))
-    found = dict[str, str]()
+    plot_ids = dict[str, str]()
     for group in group_by_unit(names, units, types):
         label = describe_unit(units[group[0]], name_values(types.get(group[0], REAL)))
         figure = new_figure(label, [time], DataRange1d(only_visible=True))
@@ -90,8 +90,8 @@ def _add_plots(
         for name, item in zip(group, add_legend(figure, entries), strict=True):
             item.name, item.visible = f"legend-{names.index(name)}", False
         figure.height = _HEIGHT
-        found |= dict.fromkeys(group, plots.add_figure(figure, "signals"))
-    return found
+        plot_ids |= dict.fromkeys(group, plots.add_figure(figure, "signals"))
+    return plot_ids
 
 
 def _find_points(time: Vector, curves: Sequence[Vector]) -> list[Any]:

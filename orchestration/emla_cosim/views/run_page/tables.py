@@ -67,38 +67,50 @@ def describe_ending(result: Result) -> tuple[str, list[str]]:
 
 def list_figure_tables(result: Result) -> Iterator[FigureTable]:
     """Yield the tables that the terminal also shows."""
-    for kind, found in result.metrics.items():
-        if shown := result.shown.get(kind, ()):
+    for kind, figures in result.metrics.items():
+        if displays := result.shown.get(kind, ()):
             rows = tuple(
-                (one.label, tuple(format_figure(f[one.name], one) for f in found.values()), one.unit)
-                for one in shown
+                (
+                    display.label,
+                    tuple(format_figure(f[display.name], display) for f in figures.values()),
+                    display.unit,
+                )
+                for display in displays
             )
-            yield FigureTable(kind, tuple(found), rows)
-    bonds = {name: found for name, found in result.coupling.items() if BONDS[0].name in found}
+            yield FigureTable(kind, tuple(figures), rows)
+    bonds = {name: figures for name, figures in result.coupling.items() if BONDS[0].name in figures}
     if bonds:
         rows = tuple(
-            (one.label, tuple(format_figure(f[one.name], one) for f in bonds.values()), one.unit)
-            for one in BONDS
+            (
+                display.label,
+                tuple(format_figure(f[display.name], display) for f in bonds.values()),
+                display.unit,
+            )
+            for display in BONDS
         )
         yield FigureTable("power bonds", tuple(bonds), rows)
 
 
 def list_margin_tables(result: Result) -> Iterator[FigureTable]:
     """Yield the table of stability margins that the run was given, if there are any."""
-    if (found := result.record.get("margins")) is not None:
-        loops: Mapping[str, Mapping[str, float | None]] = found["loops"]
+    if (margins := result.record.get("margins")) is not None:
+        loops: Mapping[str, Mapping[str, float | None]] = margins["loops"]
         rows = tuple(
-            (one.label, tuple(_format_margin(of.get(one.name), one) for of in loops.values()), one.unit)
-            for one in MARGINS
+            (
+                display.label,
+                tuple(_format_margin(of.get(display.name), display) for of in loops.values()),
+                display.unit,
+            )
+            for display in MARGINS
         )
-        title = f"Stability margins of {found['scenario']} at {found['at_s']:g} s"
+        title = f"Stability margins of {margins['scenario']} at {margins['at_s']:g} s"
         yield FigureTable("margins", tuple(loops), rows, title)
 
 
 def list_profile_tables(result: Result) -> Iterator[FigureTable]:
     """Yield the table of where the time went, if it was measured."""
-    if found := list_profile_rows(result, MOST):
-        rows = tuple((row.name, row.values, "") for row in found)
+    if profile_rows := list_profile_rows(result, MOST):
+        rows = tuple((row.name, row.values, "") for row in profile_rows)
         yield FigureTable("profile", PROFILE_COLUMNS, rows, "Where the time went")
 
 
@@ -115,12 +127,15 @@ def list_start_values(result: Result) -> list[StartValueRow]:
     """Return the start values that differ from those of the FMUs."""
     return [
         StartValueRow(
-            f"{component}.{name}", _value(found["value"]), str(found["unit"] or ""), _value(found["default"])
+            f"{component}.{name}",
+            _format_number(entry["value"]),
+            str(entry["unit"] or ""),
+            _format_number(entry["default"]),
         )
         for component, about in result.record.get("components", {}).items()
-        for name, found in about.get("changed", {}).items()
+        for name, entry in about.get("changed", {}).items()
     ]
 
 
-def _value(value: Any) -> str:
+def _format_number(value: Any) -> str:
     return f"{value:.9g}" if isinstance(value, float) else format_value(value)
