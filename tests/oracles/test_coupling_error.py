@@ -11,7 +11,7 @@ from scipy.linalg import expm
 import emla_cosim as ec
 from emla_cosim.fmu.file import FmuFile
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.run import coupling_estimates
+from emla_cosim.run import execution
 from emla_cosim.run.coupling_summary import LARGEST_ERROR
 from emla_cosim.study.loading import load
 from tests.support.coupled_systems import (
@@ -65,9 +65,7 @@ def test_size_of_the_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """At steps where the error is about 30 %, 3 % and 0.1 %."""
-    monkeypatch.setattr(
-        coupling_estimates, "ALLOWANCE", 1.0
-    )  # s; a busy machine gets through less of it in time
+    monkeypatch.setattr(execution, "ALLOWANCE", 1.0)  # s; a busy machine gets through less of it in time
     case, how = systems()[name], {"algorithm": algorithm, "extrapolation": extrapolation}
     for count, low, high in zip(steps, (0.15, 0.015, 0.0003), (0.6, 0.06, 0.002), strict=True):
         result = run(case.system, fmu_folder, case.stop / count, case.stop, **how)

@@ -30,8 +30,7 @@ from ..recorders.recorder import Recorder
 from ..stepper.library import require_stepper
 from ..system.model import System, count_parts, render_cell
 from ..system.names import Names
-from .coupling_estimates import CouplingEstimates
-from .execution import ActiveRun
+from .execution import ActiveRun, CouplingEstimates
 from .option_types import RunOptions
 from .options import Options, list_options, read_options
 from .origin import RunOrigin

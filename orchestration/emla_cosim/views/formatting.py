@@ -93,7 +93,7 @@ def list_profile_rows(result: "Result", most: int) -> list[ProfileRow]:
     if profile is None:
         return []
     rows, total = list[ProfileRow](), profile["total_s"]
-    fmus = sorted(profile["fmus"].items(), key=lambda found: -found[1]["seconds"])
+    fmus = sorted(profile["fmus"].items(), key=lambda item: -item[1]["seconds"])
     for name, measured in fmus[:most]:
         steps = measured["calls"].get("steps", {"count": 0, "seconds": 0.0})
         count = steps["count"]
@@ -101,20 +101,20 @@ def list_profile_rows(result: "Result", most: int) -> list[ProfileRow]:
         calls = sum(call["count"] for call in measured["calls"].values())
         label = f"{name} (own process)" if measured["separate_process"] else name
         rows.append(_make_profile_row(label, measured["seconds"], total, str(count), each, str(calls)))
-    if others := fmus[most:]:
-        seconds = sum(measured["seconds"] for _, measured in others)
-        rows.append(_make_profile_row(format_count(len(others), "other FMU"), seconds, total))
+    if other_fmus := fmus[most:]:
+        seconds = sum(measured["seconds"] for _, measured in other_fmus)
+        rows.append(_make_profile_row(format_count(len(other_fmus), "other FMU"), seconds, total))
     rows.append(_make_profile_row("master", profile["master"]["seconds"], total))
     if (waiting := profile.get("separate_processes")) is not None:
         rows.append(_make_profile_row("waiting for other processes", waiting["seconds"], total))
-    recorder_seconds, others = dict[str, float](), 0.0
+    recorder_seconds, other_seconds = dict[str, float](), 0.0
     for name, measured in profile["recorders"].items():
         if name in _RECORDER_TITLES:
             recorder_seconds[_RECORDER_TITLES[name] or name] = measured["seconds"]
         else:
-            others += measured["seconds"]
+            other_seconds += measured["seconds"]
     rows += [_make_profile_row(name, seconds, total) for name, seconds in recorder_seconds.items()]
-    rows.append(_make_profile_row("other recorders", others, total))
+    rows.append(_make_profile_row("other recorders", other_seconds, total))
     rows.append(_make_profile_row("this measurement", profile["profiler"]["seconds"], total))
     return rows
 

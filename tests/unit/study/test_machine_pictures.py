@@ -15,7 +15,7 @@ from emla_cosim.study.sketch.film import MachineAnimation, MachineFilm
 from emla_cosim.study.sketch.machine_picture import INSTANTS, select_instants
 from emla_cosim.study.sketch.movement import Movement, read_movement, recorded_signals
 from emla_cosim.views.plots.by_unit import BY_UNIT
-from emla_cosim.views.plots.pictures import drawn as figures
+from emla_cosim.views.plots.pictures import draw_figures
 from emla_cosim.views.plots.style import save
 from tests.support.hdrm_runs import replayed, result_of
 from tests.support.manipulator_geometry import HDRM, points
@@ -32,11 +32,13 @@ def read_run_movement(result: Result) -> Movement:
 
 def drawn(result: Result, folder: Path) -> set[str]:
     """The pictures of a machine among those that were drawn."""
-    actual = [(f"{name}.png", figure) for name, figure in figures(result) if figure and name not in BY_UNIT]
-    for name, figure in actual:
+    pictures = [
+        (f"{name}.png", figure) for name, figure in draw_figures(result) if figure and name not in BY_UNIT
+    ]
+    for name, figure in pictures:
         with (folder / name).open("wb") as stream:
             save(figure, stream)
-    return {name for name, _ in actual}
+    return {name for name, _ in pictures}
 
 
 def film(result: Result) -> MachineFilm:

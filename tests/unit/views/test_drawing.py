@@ -167,7 +167,9 @@ def test_errors_show_the_load_beside_the_screw(criteria: dict[str, Any], window:
     for one in (load, errors["position / µm, settled"]):
         assert one.limits == (Limit("position window", -window, window),)
     rigid: Any = Known({"joints": {"j": {}}}, {name: data[name] for name in list(data)[:2]})
-    labels = [one.label for one in JOINT_FIGURES["errors"].resolved(rigid, {"time": TIME, **rigid.data})]
+    labels = [
+        one.label for one in JOINT_FIGURES["errors"].resolve_panels(rigid, {"time": TIME, **rigid.data})
+    ]
     assert labels == ["position / mm, settling", "position / µm, settled"]
 
 

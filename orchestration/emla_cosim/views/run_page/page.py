@@ -30,7 +30,7 @@ def render_page(result: Result, notes: Sequence[str] = ()) -> str:
     connections: Sequence[str] = record.get("connections", ())
     pictures, left_out = picture_plots.build_pictures(result, data, plots)
     verdict, sentences = tables.describe_ending(result)
-    compared = sorted(result.comparisons, key=lambda one: one.inside)[:_MOST_COMPARED]
+    compared = sorted(result.comparisons, key=lambda comparison: comparison.inside)[:_MOST_COMPARED]
     return render_template(
         __package__ or "",
         "page.html",
