@@ -59,8 +59,8 @@ def test_message_is_one_line_for_any_name(printed: io.StringIO) -> None:
 
 def test_hostile_table_header_is_escaped(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("time,a\n0,1\n1,2\n")
-    said = sentence(emla("plot", "r.csv", "--signals", HOSTILE), 2)
-    assert "\\x1b" in said and not any(character in said for character in HARMFUL)
+    message = sentence(emla("plot", "r.csv", "--signals", HOSTILE), 2)
+    assert "\\x1b" in message and not any(character in message for character in HARMFUL)
     (tmp_path / "h.csv").write_text("time,ok\x1b[31m,b\n0,1,2\n1,2,3\n")
-    said = sentence(emla("plot", "h.csv", "--signals", "nothing"), 2)
-    assert not any(character in said for character in HARMFUL)
+    message = sentence(emla("plot", "h.csv", "--signals", "nothing"), 2)
+    assert not any(character in message for character in HARMFUL)

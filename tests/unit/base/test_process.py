@@ -113,10 +113,10 @@ BEGUN = struct.pack("=8sQ", b"\x93emla\r\n\x1a", 1000)
 )
 def test_what_an_fmu_writes_blocks_nobody(content: bytes, error: type[Exception]) -> None:
     with closing(Child(_write, _list_files(), content, fork=True)) as child:
-        began = time.monotonic()
+        start_time = time.monotonic()
         with pytest.raises(error):
             child.receive_bytes(0.5)
-        assert time.monotonic() - began < 60.0
+        assert time.monotonic() - start_time < 60.0
 
 
 def _count_pipes(channel: Channel) -> None:
@@ -215,10 +215,10 @@ def test_child_used_once_replaces_an_idle_one_and_ends() -> None:
 
     pool = ChildPool(start, count=2)
     assert len(started) == 2
-    with pool.member(use_once=True) as alone:
-        assert alone is started[2]
+    with pool.member(use_once=True) as single_use:
+        assert single_use is started[2]
         assert [child.is_alive() for child in started] == [True, False, True]
-    assert not alone.is_alive()
+    assert not single_use.is_alive()
     started[0].kill()  # while it is idle
     with pool.member() as member:
         assert member is started[3]
@@ -233,5 +233,5 @@ def test_start_from_a_script_without_a_guard(tmp_path: Path) -> None:
         "from emla_cosim.base.process import Child, silence\n"
         "child = Child(silence)\nprint('once')\nchild.close()"
     )
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
-    assert done.stdout == "once\n"
+    process = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert process.stdout == "once\n"

@@ -137,8 +137,8 @@ def test_command_alone_shows_its_help() -> None:
 
 
 def test_json_without_a_file_is_shown(emla: Emla, tmp_path: Path) -> None:
-    shown = emla("info", "lift", "--json", "-q").stdout
-    assert emla("info", "lift", "--json", "-").stdout == shown
-    assert shown.startswith("{") and list(tmp_path.iterdir()) == []
+    output = emla("info", "lift", "--json", "-q").stdout
+    assert emla("info", "lift", "--json", "-").stdout == output
+    assert output.startswith("{") and list(tmp_path.iterdir()) == []
     assert emla("info", "--json", "a.json", "lift").stdout == ""
-    assert (tmp_path / "a.json").read_text(encoding="utf-8") == shown
+    assert (tmp_path / "a.json").read_text(encoding="utf-8") == output

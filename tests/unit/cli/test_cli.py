@@ -49,16 +49,16 @@ def test_run_writes_table_metrics_record_and_pictures(emla: Emla, tmp_path: Path
 
 
 def test_run_too_short_to_judge(emla: Emla) -> None:
-    short = emla("run", "lift", "--stop-time", "0.3", "--no-plots").stdout
-    assert short.startswith("Too short to judge: that takes more than 0.3 s.\n")
-    assert "held   " not in short and "not settled" not in short
+    options = emla("run", "lift", "--stop-time", "0.3", "--no-plots").stdout
+    assert options.startswith("Too short to judge: that takes more than 0.3 s.\n")
+    assert "held   " not in options and "not settled" not in options
     longer = emla("run", "lift", "--stop-time", "0.31", "--no-plots").stdout
     assert "Too short" not in longer and longer.startswith("lift, 0.31 s simulated")
 
 
 def test_sweeps_of_strong_coupling_are_shown(emla: Emla) -> None:
-    shown = emla("run", "lift", "--stop-time", "0.01", "--algorithm", "strong", "--no-plots").stdout
-    assert re.search(r"One loop agreed after [\d.]+ sweeps a step", shown)
+    output = emla("run", "lift", "--stop-time", "0.01", "--algorithm", "strong", "--no-plots").stdout
+    assert re.search(r"One loop agreed after [\d.]+ sweeps a step", output)
 
 
 def test_options_reach_the_run(emla: Emla, tmp_path: Path) -> None:
@@ -153,12 +153,12 @@ def test_unusable_fmus_are_named(emla: Emla, fmu_folder: Path, tmp_path: Path) -
     unreadable = {
         name: f"'{name}' is not an FMU that can be read" for name in ("cut.fmu", "text.fmu", "empty.fmu")
     }
-    others = {
+    messages = {
         "win.fmu": f"has no binary for {host_platform()}, only for ",
         str(other): "Reference.fmu' cannot replace lift.plant: the input F_L [N] is missing",
         "gone.fmu": "no FMU file 'gone.fmu'",
     }
-    for name, words in {**unreadable, **others}.items():
+    for name, words in {**unreadable, **messages}.items():
         assert words in sentence(emla("run", "lift", "--replace", f"lift.plant={name}"), 2)
 
 

@@ -117,8 +117,8 @@ def test_installed_script_completes_in_bash(tmp_path: Path) -> None:
     assert ended.returncode == 0 and str(tmp_path) in ended.stdout
     script = tmp_path / ".bash_completions/emla.sh"
     assert str(script) in (tmp_path / ".bashrc").read_text()
-    shown = emla("--show-completion", program=called, SHELL="/bin/bash").stdout
-    assert script.read_text().strip() == shown.strip()
+    message = emla("--show-completion", program=called, SHELL="/bin/bash").stdout
+    assert script.read_text().strip() == message.strip()
     bash = shutil.which("bash")
     if bash is None:
         pytest.skip("There is no bash on this machine.")
@@ -126,10 +126,10 @@ def test_installed_script_completes_in_bash(tmp_path: Path) -> None:
     program.write_text(f"#!{sys.executable}\n{PROGRAM}\n")
     program.chmod(0o755)
     asking = f"source {script}; COMP_WORDS=(emla run tele); COMP_CWORD=2; _emla_completion {program}; "
-    found = subprocess.run(
+    result = subprocess.run(
         [bash, "--norc", "-c", asking + 'echo "${COMPREPLY[@]}"'], capture_output=True, text=True, check=True
     )
-    assert found.stdout == "telescope\n"
+    assert result.stdout == "telescope\n"
 
 
 @pytest.mark.slow

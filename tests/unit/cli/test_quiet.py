@@ -6,18 +6,18 @@ import pytest
 
 from tests.support.commands import Emla, sentence
 
-SHORT = ("--stop-time", "0.001", "--no-plots", "--output", "out")
+SHORT_RUN = ("--stop-time", "0.001", "--no-plots", "--output", "out")
 
 
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("run", "lift", *SHORT, "--replace", "lift.controller={controller}", "-q"),
-        ("-q", "run", "lift", *SHORT, "--fmus", "{fmus}"),
+        ("run", "lift", *SHORT_RUN, "--replace", "lift.controller={controller}", "-q"),
+        ("-q", "run", "lift", *SHORT_RUN, "--fmus", "{fmus}"),
         ("export", "--quiet", "lift", "x.ssp"),
         ("rerun", "--quiet", "first", "--no-plots", "--fmus", "{fmus}"),
         pytest.param(
-            ("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1,0.2", "--workers", "1", *SHORT, "-q"),
+            ("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1,0.2", "--workers", "1", *SHORT_RUN, "-q"),
             marks=pytest.mark.slow,
         ),
     ],
@@ -27,7 +27,7 @@ def test_quiet_command_prints_nothing(arguments: tuple[str, ...], emla: Emla, fm
     controller = fmu_folder / "RsbaController" / "RsbaController.fmu"
     texts = [a.format(fmus=fmu_folder, controller=controller) for a in arguments]
     if texts[0] == "rerun":
-        assert emla("run", "lift", *SHORT[:-1], "first").exit_code == 0
+        assert emla("run", "lift", *SHORT_RUN[:-1], "first").exit_code == 0
     result = emla(*texts)
     assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
     assert emla("list").stdout, "the next command prints again"
@@ -35,7 +35,7 @@ def test_quiet_command_prints_nothing(arguments: tuple[str, ...], emla: Emla, fm
 
 def test_errors_and_exit_codes_are_the_same(emla: Emla) -> None:
     assert "stop time" in sentence(emla("run", "lift", "-q", "--stop-time", "-1"), 2)
-    result = emla("run", "lift", "-q", *SHORT, "--require", "run.steps < 1")
+    result = emla("run", "lift", "-q", *SHORT_RUN, "--require", "run.steps < 1")
     assert "steps" in sentence(result, 1)
     assert result.stdout == "" and len(result.stderr.splitlines()) == 1
 

@@ -42,16 +42,16 @@ def loaded_end(library: bytes) -> int:
     """Where the last byte is that the loader maps, as LIEF reads it."""
     elf = lief.ELF.parse(list(library))
     assert isinstance(elf, lief.ELF.Binary)
-    loaded = [s for s in elf.segments if s.type == lief.ELF.Segment.TYPE.LOAD]
-    return max(s.file_offset + s.physical_size for s in loaded)
+    segments = [s for s in elf.segments if s.type == lief.ELF.Segment.TYPE.LOAD]
+    return max(s.file_offset + s.physical_size for s in segments)
 
 
 @linux
 def test_library_is_needed_to_the_last_loaded_byte(faulty_fmu: Path, tmp_path: Path) -> None:
     library = library_of(faulty_fmu)
     end = loaded_end(library)
-    short = with_library(faulty_fmu, tmp_path / "Short.fmu", library[:end])
-    assert open_fmu(short, tmp_path / "short" / "0").library.is_file()
+    truncated = with_library(faulty_fmu, tmp_path / "Short.fmu", library[:end])
+    assert open_fmu(truncated, tmp_path / "short" / "0").library.is_file()
     cut = with_library(faulty_fmu, tmp_path / "Cut.fmu", library[: end - 1])
     with pytest.raises(CommandError) as refused:
         open_fmu(cut, tmp_path / "cut" / "0")

@@ -30,7 +30,7 @@ from tests.support.ssp_documents import (
     system,
 )
 
-SHORT = {"stop_time": 0.02, "step_size": 0.001}
+SHORT_RUN = {"stop_time": 0.02, "step_size": 0.001}
 UNKNOWN = ("<CoSimulation ", '<CoSimulation colour="red" ')
 
 
@@ -41,14 +41,14 @@ def reference(fmu_folder: Path) -> Path:
 
 def dated(fmu: Path) -> tuple[str, str]:
     """The edit that makes the date of the model description wrong."""
-    said = str(fmpy.read_model_description(str(fmu)).generationDateAndTime)
-    return f'generationDateAndTime="{said}"', 'generationDateAndTime="2017-02-13_16_10"'
+    texts = str(fmpy.read_model_description(str(fmu)).generationDateAndTime)
+    return f'generationDateAndTime="{texts}"', 'generationDateAndTime="2017-02-13_16_10"'
 
 
 def test_harmless_faults_change_nothing_and_are_listed(reference: Path, tmp_path: Path) -> None:
     faulty = edit_description(reference, tmp_path / "x.fmu", *dated(reference))
-    result = load(faulty, **SHORT).prepare().run()
-    expected = load(reference, **SHORT).prepare().run()
+    result = load(faulty, **SHORT_RUN).prepare().run()
+    expected = load(reference, **SHORT_RUN).prepare().run()
     for name in expected.names:
         assert (result[name] == expected[name]).all()
     (problems,) = result.record["accepted_faults"].values()
@@ -73,28 +73,28 @@ def test_units_without_a_definition_are_accepted_but_not_converted(tmp_path: Pat
     with pytest.raises(CommandError, match="m is not defined in the UnitDefinitions of the FMU 'a'"):
         load(path)
     scenario = load(path, lenient=True)
-    assert any("the number is not changed" in p for found in scenario.accepted.values() for p in found)
+    assert any("the number is not changed" in p for problems in scenario.accepted.values() for p in problems)
 
 
 def test_parameters_without_variability_are_fixed(tmp_path: Path, emla: Emla) -> None:
     """Of all types; the message names what is missing, not its default alone."""
-    whole = build_all_types_fmu(tmp_path / "whole.fmu")
-    faulty = edit_description(whole, tmp_path / "x.fmu", ' variability="fixed"', "")
-    name = next(v.name for v in read_interface(whole).variables.values() if v.causality == "parameter")
+    valid = build_all_types_fmu(tmp_path / "whole.fmu")
+    faulty = edit_description(valid, tmp_path / "x.fmu", ' variability="fixed"', "")
+    name = next(v.name for v in read_interface(valid).variables.values() if v.causality == "parameter")
     text = sentence(emla("run", str(faulty), "--no-plots"), 2)
     assert "is a parameter without variability; it needs fixed or tunable, as the default, continuous" in text
     assert text.endswith("(`emla verify` shows more). `--lenient` accepts this.")
     info = emla("info", str(faulty))
     assert info.exit_code == 0 and name in info.stdout
     assert emla("run", str(faulty), "--no-plots", "--output", "faulty", "--lenient").exit_code == 0
-    assert emla("run", str(whole), "--no-plots", "--output", "whole").exit_code == 0
+    assert emla("run", str(valid), "--no-plots", "--output", "whole").exit_code == 0
     assert Path("faulty/results.csv").read_text() == Path("whole/results.csv").read_text()
 
 
 def test_ranges_that_an_fmu_breaks_itself_are_reported(reference: Path, tmp_path: Path, emla: Emla) -> None:
     before = 'min="1e-06" start="1.0"'
     high = edit_description(reference, tmp_path / "high.fmu", before, 'min="1.5" start="1.0"')
-    result = load(high, **SHORT).prepare().run()
+    result = load(high, **SHORT_RUN).prepare().run()
     (problems,) = result.record["accepted_faults"].values()
     assert problems[0] == "move.duration[1] starts at 1, below its minimum of 1.5"
     empty = edit_description(reference, tmp_path / "empty.fmu", before, 'min="2.5" max="1.5" start="1.0"')
@@ -116,17 +116,17 @@ def test_other_faults_need_the_option(reference: Path, tmp_path: Path, emla: Eml
     refused = emla("run", str(faulty), *times, "--output", str(tmp_path / "no"))
     assert "attribute 'colour'" in sentence(refused, 2)
     assert "`--lenient` accepts this" in sentence(refused, 2)
-    done = emla("run", str(faulty), *times, "--lenient", "--output", str(tmp_path / "yes"))
-    assert done.exit_code == 0, done.output
-    assert "has a fault, which was accepted" in done.output.replace("\n", " ")
+    result = emla("run", str(faulty), *times, "--lenient", "--output", str(tmp_path / "yes"))
+    assert result.exit_code == 0, result.output
+    assert "has a fault, which was accepted" in result.output.replace("\n", " ")
     record = json.loads((tmp_path / "yes" / "run.json").read_text())
     assert record["settings"]["lenient"] is True
     (problems,) = record["accepted_faults"].values()
     assert "colour" in problems[0]  # the one that the option accepted comes first
     assert len(problems) == 2
-    again = load(tmp_path / "yes" / "run.json").prepare().run()
-    expected = load(reference, **SHORT).prepare().run()
-    assert (again["Reference.x_d"] == expected["Reference.x_d"]).all()
+    repeated = load(tmp_path / "yes" / "run.json").prepare().run()
+    expected = load(reference, **SHORT_RUN).prepare().run()
+    assert (repeated["Reference.x_d"] == expected["Reference.x_d"]).all()
 
 
 def test_unreadable_descriptions_are_always_refused(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_cause_of_a_missing_library_is_reported(files: dict[str, bytes], word: s
         for name, data in content.items():
             archive.writestr(name, data)
     with pytest.raises(CommandError) as refused:
-        load(System.of({"a": fmu}), **SHORT).prepare()
+        load(System.of({"a": fmu}), **SHORT_RUN).prepare()
     assert f"has no binary for {fmpy.platform}" in str(refused.value)
     assert word in str(refused.value)
 
@@ -169,8 +169,8 @@ def fmu(tmp_path: Path) -> Path:
 def values(path: Path, lenient: bool) -> tuple[dict[str, object], list[str]]:
     """The start values of component a, and the accepted faults."""
     with accept_faults(lenient) as faults, read_ssp(path) as document:
-        found = dict(document.system.component("a").parameters)
-    return found, [p for problems in faults.by_file.values() for p in problems]
+        actual = dict(document.system.component("a").parameters)
+    return actual, [p for problems in faults.by_file.values() for p in problems]
 
 
 END = "</ssv:Parameters>"
@@ -197,15 +197,15 @@ def test_faults_of_packages_need_the_option(
     path = folder(tmp_path / "s", root=ssd(root), a__fmu=fmu, k__ssv=parameters)
     with pytest.raises(CommandError, match=f"{refused}.*`--lenient`"):
         values(path, lenient=False)
-    found, faults = values(path, lenient=True)
-    assert found.get("k") == value
+    actual, faults = values(path, lenient=True)
+    assert actual.get("k") == value
     assert any(accepted in fault for fault in faults)
 
 
 def test_second_equal_value_is_accepted(fmu: Path, tmp_path: Path) -> None:
     equal = ssv(k=1.0).replace(END, SECOND.format(1))
-    found, faults = values(folder(tmp_path / "s", root=ssd(BOUND), a__fmu=fmu, k__ssv=equal), lenient=False)
-    assert (found, len(faults)) == ({"k": 1.0}, 1)
+    actual, faults = values(folder(tmp_path / "s", root=ssd(BOUND), a__fmu=fmu, k__ssv=equal), lenient=False)
+    assert (actual, len(faults)) == ({"k": 1.0}, 1)
 
 
 def test_some_faults_of_packages_are_never_accepted(fmu: Path, tmp_path: Path) -> None:
@@ -217,26 +217,26 @@ def test_some_faults_of_packages_are_never_accepted(fmu: Path, tmp_path: Path) -
 
 
 def test_variables_alone_are_names_in_a_single_fmu_only(reference: Path) -> None:
-    with load(reference, set={"waypoint[2]": "300 mm"}, **SHORT).prepare() as simulation:
+    with load(reference, set={"waypoint[2]": "300 mm"}, **SHORT_RUN).prepare() as simulation:
         assert simulation.run().record["components"]["Reference"]["parameters"] == {"waypoint[2]": 0.3}
     with pytest.raises(CommandError, match="no variable 'waipoint"):
-        load(reference, set={"waipoint[2]": 1.0}, **SHORT).prepare()
+        load(reference, set={"waipoint[2]": 1.0}, **SHORT_RUN).prepare()
     two = System.of({"a": reference, "b": reference})
     with pytest.raises(CommandError, match="not a variable"):
-        load(two, set={"waypoint": 1.0}, **SHORT).prepare()
+        load(two, set={"waypoint": 1.0}, **SHORT_RUN).prepare()
 
 
 def test_the_reference_of_one_fmu_with_inputs_from_a_file(fmu_folder: Path, tmp_path: Path) -> None:
     """FMPy is the judge, with both tables as the cross-check writes them. It holds inputs over each step."""
     plant = fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"
     times = np.linspace(0.0, 0.02, 21)
-    given = np.array(
+    inputs = np.array(
         list(zip(times, 20.0 * np.sin(300.0 * times), strict=True)), [("time", float), ("u_q", float)]
     )
     more = {"fmi_type": "CoSimulation", "stop_time": 0.02, "step_size": 0.001, "output_interval": 0.001}
-    solved = fmpy.simulate_fmu(str(plant), input=given, output=["x_L", "i_q"], **more)
+    solved = fmpy.simulate_fmu(str(plant), input=inputs, output=["x_L", "i_q"], **more)
     assert np.ptp(solved["i_q"]) > 0.1
-    for name, table in (("in", given), ("ref", solved)):
+    for name, table in (("in", inputs), ("ref", solved)):
         rows = [
             ",".join(f'"{n}"' for n in table.dtype.names),
             *(",".join(map(repr, row)) for row in table.tolist()),
@@ -262,8 +262,8 @@ def test_booleans_of_other_spelling_are_read_with_lenient(text: str, value: bool
         built, tmp_path / "B.fmu", *edits, '<Boolean start="false"/>', f'<Boolean start="{text}"/>'
     )
     with pytest.raises(CommandError, match=r"not a valid value of the atomic type 'xs:boolean'.*--lenient"):
-        load(path, **SHORT)
-    with load(path, **SHORT, lenient=True).prepare() as simulation:
+        load(path, **SHORT_RUN)
+    with load(path, **SHORT_RUN, lenient=True).prepare() as simulation:
         assert simulation.run().parameters.get("AllTypes.on", value) == value
-    exported = load(path, **SHORT, lenient=True).export(tmp_path / "x.ssp")
-    assert load(exported, lenient=True, **SHORT).prepare().run().steps == 20
+    exported = load(path, **SHORT_RUN, lenient=True).export(tmp_path / "x.ssp")
+    assert load(exported, lenient=True, **SHORT_RUN).prepare().run().steps == 20

@@ -81,9 +81,10 @@ def test_shipped_library_that_is_not_found(tmp_path: Path) -> None:
 def test_new_glibc_is_told_with_that_of_this_machine(tmp_path: Path) -> None:
     (tmp_path / "versions").write_text("GLIBC_2.98 { };\nGLIBC_2.99 { strange; };\n")
     library = needing(tmp_path, "libc.so.6", "strange", "-Wl,--version-script=versions")
-    own = ".".join(map(str, fmpy_glibc()))
-    assert f"needs glibc 2.99 (GLIBC_2.99); this machine has {own}. Run it on a newer system" in diagnose(
-        library
+    local_glibc = ".".join(map(str, fmpy_glibc()))
+    assert (
+        f"needs glibc 2.99 (GLIBC_2.99); this machine has {local_glibc}. Run it on a newer system"
+        in diagnose(library)
     )
     assert find_system_with_glibc("2.38").startswith("Ubuntu 24.04")
     assert find_version_of_gcc("GLIBCXX_3.4.32") == "13.2"
@@ -145,16 +146,16 @@ def test_sources_of_libraries(library: str, part: str) -> None:
 
 
 def test_needs_of_fmus_with_python(tmp_path: Path) -> None:
-    said = ["ModuleNotFoundError: No module named 'pythonfmu.builder'"]
-    assert "needs the Python module 'pythonfmu'. " in explain_python_needs(tmp_path, said)
-    assert sys.executable in explain_python_needs(tmp_path, said)
+    message = ["ModuleNotFoundError: No module named 'pythonfmu.builder'"]
+    assert "needs the Python module 'pythonfmu'. " in explain_python_needs(tmp_path, message)
+    assert sys.executable in explain_python_needs(tmp_path, message)
     assert explain_python_needs(tmp_path, ["other"]) == ""
     (tmp_path / "resources").mkdir()
     words = 'linux = ["python3", "launch.py"]\nmacos = ["python3"]\nwindows = ["python"]'
     (tmp_path / "resources" / "launch.toml").write_text(f"[command]\n{words}\n")
     assert "It starts the program `python3 launch.py` (UniFMU, " in explain_python_needs(tmp_path, [])
     (tmp_path / "resources" / "requirements.txt").write_text("zmq\n")
-    assert "`pip install -r requirements.txt" in explain_python_needs(tmp_path, said)
+    assert "`pip install -r requirements.txt" in explain_python_needs(tmp_path, message)
 
 
 def test_folder_of_the_platform_in_the_wrong_case(tmp_path: Path) -> None:

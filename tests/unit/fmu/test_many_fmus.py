@@ -33,15 +33,15 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Callable[[object, str], list[Any]]
     """Notes the first argument of every call of a function, which is still called."""
 
     def noted(owner: Any, name: str) -> list[Any]:
-        found: list[Any] = []
+        actual: list[Any] = []
         function = getattr(owner, name)
 
         def call(*arguments: Any, **named: Any) -> Any:
-            found.append(arguments[0])
+            actual.append(arguments[0])
             return function(*arguments, **named)
 
         monkeypatch.setattr(owner, name, call)
-        return found
+        return actual
 
     return noted
 
@@ -56,14 +56,14 @@ def five(fmu: Path) -> System:
 def test_file_of_many_instances_is_read_and_loaded_once(
     faulty_fmu: Path, calls: Callable[[object, str], list[Any]]
 ) -> None:
-    done = [calls(fmu_file, name) for name in ("read_interface", "unpack", "hash_file")]
-    done.append(calls(FMU2AnnouncedSlave, "_loadFunctions"))
-    made = calls(FMU2Slave, "instantiate")
+    recorded_calls = [calls(fmu_file, name) for name in ("read_interface", "unpack", "hash_file")]
+    recorded_calls.append(calls(FMU2AnnouncedSlave, "_loadFunctions"))
+    instantiations = calls(FMU2Slave, "instantiate")
     with open_system(five(faulty_fmu)) as assembly:
-        assert [len(found) for found in done] == [1, 1, 1, 1]
-        assert len(set(map(id, made))) == len(made) == 5
-        assert [m.instanceName for m in made] == [s.name for s in assembly.network.instances]
-        assert len({m.component for m in made}) == 5
+        assert [len(calls_of_function) for calls_of_function in recorded_calls] == [1, 1, 1, 1]
+        assert len(set(map(id, instantiations))) == len(instantiations) == 5
+        assert [m.instanceName for m in instantiations] == [s.name for s in assembly.network.instances]
+        assert len({m.component for m in instantiations}) == 5
 
 
 def test_the_library_is_unloaded_with_the_last_instance(
@@ -71,18 +71,18 @@ def test_the_library_is_unloaded_with_the_last_instance(
 ) -> None:
     unloaded = calls(FMU2Slave, "freeLibrary")
     with open_system(five(faulty_fmu)) as assembly:
-        first, *others = assembly.network.instances
+        first, *remaining = assembly.network.instances
         library = assembly.files[first.name].library
-        for slave in (first, *others):
+        for slave in (first, *remaining):
             slave.enter_initialization(0.0, 1.0)
             slave.exit_initialization()
         first.close()
-        for slave in others:
+        for slave in remaining:
             slave.do_step(0.0, 0.1)
             slave.get_outputs()
         assert not unloaded
         assembly._instance_stack.pop_all()
-        for slave in others:
+        for slave in remaining:
             slave.close()
     assert len(unloaded) == 1
     assert library not in LoadedLibrary._libraries
@@ -102,12 +102,12 @@ def test_an_instance_that_cannot_be_made_leaves_nothing_of_the_others(
         instantiate(slave, **given)
 
     monkeypatch.setattr(FMU2Slave, "instantiate", refusing)
-    loaded = set(LoadedLibrary._libraries)
+    libraries = set(LoadedLibrary._libraries)
     with pytest.raises(CommandError, match=r"of j\.f2 cannot be started: no more"):
         open_system(five(faulty_fmu)).__enter__()
     assert counts[0].instances == 0
     assert len(unloaded) == 1
-    assert set(LoadedLibrary._libraries) == loaded
+    assert set(LoadedLibrary._libraries) == libraries
 
 
 @pytest.mark.parametrize("isolate", mostly_slow([[], ["j.f1"]], [[]]))
@@ -147,10 +147,10 @@ def package(count: int, folder: Path) -> None:
     parts = [component(name, "link.fmu", "u:input y:output w:input") for name in names]
     parts += [connection(f"{a}.y -> {b}.u") for a, b in pairwise(names)]
     parts += [connection(f"w_{name} -> {name}.w") for name in names]
-    given = ssv(**{f"p{i}": float(i) for i in range(count)})
+    bindings = ssv(**{f"p{i}": float(i) for i in range(count)})
     mapping = ssm(*(entry(f"p{i}", f"{name}.k") for i, name in enumerate(names)))
     ports = " ".join(f"w_{name}:input" for name in names)
-    root = ssd(system("s", *parts, ports=ports, bindings=binding(given, mapping)))
+    root = ssd(system("s", *parts, ports=ports, bindings=binding(bindings, mapping)))
     ssp_folder(folder / f"{count}", root=root)
     fake_fmu(folder / f"{count}" / "link.fmu", "u:input", "w:input", "y:output", "k:parameter")
 

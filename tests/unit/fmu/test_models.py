@@ -49,7 +49,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache"
 
 
-def own(folder: Path, gain: float = 2.0, text: str = TEXT) -> type[Block]:
+def define_block(folder: Path, gain: float = 2.0, text: str = TEXT) -> type[Block]:
     (folder / "parts.py").write_text(f"GAIN = {gain}\n")
     (folder / "own.py").write_text(dedent(text))
     return load_block(f"{folder / 'own.py'}:Own")
@@ -59,19 +59,19 @@ def own(folder: Path, gain: float = 2.0, text: str = TEXT) -> type[Block]:
 
 
 def test_key_changes_with_everything_in_the_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    places = [tmp_path / name for name in "abcd"]
-    for place in places:
-        place.mkdir()
-    block = own(places[0])
+    paths = [tmp_path / name for name in "abcd"]
+    for folder in paths:
+        folder.mkdir()
+    block = define_block(paths[0])
     key = Recipe.of(block, "native").key()
-    assert key is not None and key == Recipe.of(own(places[1]), "native").key()
+    assert key is not None and key == Recipe.of(define_block(paths[1]), "native").key()
     keys = [
         key,
         Recipe.of(block, "python").key(),
         Recipe.of(block, "native", Producer("somebody")).key(),
         Recipe.of(block, "native", None, Documents("# Own")).key(),
-        Recipe.of(own(places[2], gain=3.0), "native").key(),
-        Recipe.of(own(places[3], text=TEXT.replace("v.time", "v.time / 2.0")), "native").key(),
+        Recipe.of(define_block(paths[2], gain=3.0), "native").key(),
+        Recipe.of(define_block(paths[3], text=TEXT.replace("v.time", "v.time / 2.0")), "native").key(),
     ]
     for owner, name, value in (
         (block, "default_experiment", MODELS["Reference"].default_experiment),
@@ -85,7 +85,7 @@ def test_key_changes_with_everything_in_the_fmu(tmp_path: Path, monkeypatch: pyt
 
 
 def test_key_is_the_same_in_all_versions_of_python(tmp_path: Path) -> None:
-    block = own(tmp_path)
+    block = define_block(tmp_path)
     keys = set()
     for docstring in (
         "A block.\n\n    With details.\n    ",
@@ -96,23 +96,23 @@ def test_key_is_the_same_in_all_versions_of_python(tmp_path: Path) -> None:
     assert len(keys) == 1
 
 
-def made(gain: float) -> type[Block]:
-    class Made(Block):
+def define_gain_block(gain: float) -> type[Block]:
+    class GainBlock(Block):
         u = Input()
         y = Output()
 
         def outputs(self, v: object) -> dict[str, float]:
             return {"y": gain}
 
-    return Made
+    return GainBlock
 
 
 def test_block_with_unknown_sources_has_no_key(tmp_path: Path) -> None:
-    assert Recipe.of(made(1.0), "native").key() is None
-    assert Recipe.of(type("Derived", (own(tmp_path),), {}), "native").key() is None
-    foreign = own(tmp_path, text=TEXT.replace("import parts", "import numpy, parts"))
+    assert Recipe.of(define_gain_block(1.0), "native").key() is None
+    assert Recipe.of(type("Derived", (define_block(tmp_path),), {}), "native").key() is None
+    foreign = define_block(tmp_path, text=TEXT.replace("import parts", "import numpy, parts"))
     assert Recipe.of(foreign, "native").key() is None
-    block = own(tmp_path)
+    block = define_block(tmp_path)
     os.utime(tmp_path / "parts.py", (block.origin.time + 1.0,) * 2)
     assert Recipe.of(block, "native").key() is None
 
@@ -126,16 +126,16 @@ def test_files_that_blocks_read_are_not_overlooked(read: str, cache: Path, tmp_p
     built = []
     for gain in ("2.0", "3.0"):
         Path("gain.txt").write_text(gain)
-        built.append(build(own(tmp_path, text=text), "native", []).read_bytes())
+        built.append(build(define_block(tmp_path, text=text), "native", []).read_bytes())
     assert built[0] != built[1]
 
 
 def test_blocks_without_a_key_are_cached_by_content(cache: Path) -> None:
-    one, two = (build(made(gain), "native", []) for gain in (1.0, 2.0))
-    assert one.parent != two.parent and one.read_bytes() != two.read_bytes()
-    written = one.stat().st_mtime_ns
-    assert build(made(1.0), "native", []) == one
-    assert one.stat().st_mtime_ns == written
+    first, second = (build(define_gain_block(gain), "native", []) for gain in (1.0, 2.0))
+    assert first.parent != second.parent and first.read_bytes() != second.read_bytes()
+    written = first.stat().st_mtime_ns
+    assert build(define_gain_block(1.0), "native", []) == first
+    assert first.stat().st_mtime_ns == written
 
 
 # ---- where an FMU lies -------------------------------------------------------------------------
@@ -144,57 +144,57 @@ def test_blocks_without_a_key_are_cached_by_content(cache: Path) -> None:
 @pytest.mark.parametrize("flavour", mostly_slow(["native", "python"], ["native"]))
 def test_fmu_without_a_folder_is_in_the_cache(cache: Path, tmp_path: Path, flavour: str) -> None:
     """It is built again only if it is corrupt."""
-    first = build(own(tmp_path), flavour, [])
+    first = build(define_block(tmp_path), flavour, [])
     assert first.is_relative_to(cache) and first.name == "Own.fmu"
     assert list(Path().iterdir()) == []
     written = first.stat().st_mtime_ns
-    assert build(own(tmp_path), flavour, []) == first
-    other = build(own(tmp_path, gain=3.0), flavour, [])
+    assert build(define_block(tmp_path), flavour, []) == first
+    other = build(define_block(tmp_path, gain=3.0), flavour, [])
     assert other != first and other.is_relative_to(cache)
-    assert build(own(tmp_path, gain=2.0), flavour, []) == first
+    assert build(define_block(tmp_path, gain=2.0), flavour, []) == first
     assert first.stat().st_mtime_ns == written
     good = first.read_bytes()
     first.write_bytes(good[: len(good) // 2])
-    assert build(own(tmp_path), flavour, []) == first
+    assert build(define_block(tmp_path), flavour, []) == first
     assert first.read_bytes() == good
 
 
 @pytest.mark.slow
 def test_fmus_of_the_current_folder_come_first_and_are_rebuilt(cache: Path, tmp_path: Path) -> None:
-    here = fmu_path("Own", "native", Path("fmus"))
-    assert build(own(tmp_path), "native", ["win64"], Path("fmus")) == here
-    before = here.read_bytes()
-    assert build(own(tmp_path), "native", []) == here
-    assert read_built(here).platforms > {"win64"}  # and this machine's
-    assert build(own(tmp_path, gain=3.0), "native", []) == here
-    assert here.read_bytes() != before
-    assert read_built(here).platforms > {"win64"}
+    local_path = fmu_path("Own", "native", Path("fmus"))
+    assert build(define_block(tmp_path), "native", ["win64"], Path("fmus")) == local_path
+    before = local_path.read_bytes()
+    assert build(define_block(tmp_path), "native", []) == local_path
+    assert read_built(local_path).platforms > {"win64"}  # and this machine's
+    assert build(define_block(tmp_path, gain=3.0), "native", []) == local_path
+    assert local_path.read_bytes() != before
+    assert read_built(local_path).platforms > {"win64"}
     assert not (cache / "fmus").exists()
     # there is none of this flavour
-    assert build(own(tmp_path), "python", []).is_relative_to(cache)
+    assert build(define_block(tmp_path), "python", []).is_relative_to(cache)
 
 
 @pytest.mark.slow
 def test_a_wheel_brings_fmus(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are used where they are, copied elsewhere, and built only for further platforms."""
-    built = build(own(tmp_path), "native", [])
+    built = build(define_block(tmp_path), "native", [])
     cache.rename(tmp_path / "wheel")
     monkeypatch.setattr(cache_module, "PREBUILT", tmp_path / "wheel")
     monkeypatch.setattr(building, "draft_of", lambda recipe: pytest.fail("it is built"))
-    used = build(own(tmp_path), "native", [])
+    used = build(define_block(tmp_path), "native", [])
     assert used == tmp_path / "wheel" / built.relative_to(cache)
-    copied = build(own(tmp_path), "native", [], Path("x"))
+    copied = build(define_block(tmp_path), "native", [], Path("x"))
     assert copied.read_bytes() == used.read_bytes()
     copied.write_bytes(b"mine")
     with pytest.raises(CommandError, match=r"'x/Own/Own.fmu' was not written by emla"):
-        build(own(tmp_path), "native", [], Path("x"))
+        build(define_block(tmp_path), "native", [], Path("x"))
     monkeypatch.undo()
     monkeypatch.setenv(cache_module.VARIABLE, str(cache))
     monkeypatch.setattr(cache_module, "PREBUILT", tmp_path / "wheel")
-    more = build(own(tmp_path), "native", [*PLATFORMS][:2])
+    more = build(define_block(tmp_path), "native", [*PLATFORMS][:2])
     assert more.is_relative_to(cache) and len(read_built(more).platforms) == 2
     monkeypatch.setattr(cache_module, "has_musl", lambda: True)  # nothing brought fits
-    assert build(own(tmp_path), "native", []).is_relative_to(cache)
+    assert build(define_block(tmp_path), "native", []).is_relative_to(cache)
 
 
 def test_what_must_be_built_says_what_is_missing(
@@ -202,25 +202,25 @@ def test_what_must_be_built_says_what_is_missing(
 ) -> None:
     monkeypatch.setitem(sys.modules, "ziglang", None)
     with pytest.raises(CommandError, match=r"building Own needs the extra build, because ziglang is not"):
-        build(own(tmp_path), "native", [])
+        build(define_block(tmp_path), "native", [])
 
 
 def test_foreign_file_is_replaced_only_with_overwrite(cache: Path, tmp_path: Path) -> None:
-    path = build(own(tmp_path), "native", [], Path("x"))
+    path = build(define_block(tmp_path), "native", [], Path("x"))
     good = path.read_bytes()
     for bad in (b"PK", good[:-80], good[: len(good) // 2]):
         path.write_bytes(bad)
         with pytest.raises(CommandError, match=r"'x/Own/Own.fmu' was not written by emla"):
-            build(own(tmp_path), "native", [], Path("x"))
+            build(define_block(tmp_path), "native", [], Path("x"))
         assert path.read_bytes() == bad
-    build(own(tmp_path), "native", [], Path("x"), overwrite=True)
+    build(define_block(tmp_path), "native", [], Path("x"), overwrite=True)
     assert path.read_bytes() == good
 
 
 def test_errors_of_builds(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(CommandError, match="there is no model 'Nothing'; choose from"):
         build("Nothing", "native", [])
-    wrong = own(tmp_path, text=TEXT.replace("v.time", "float(v.time)"))
+    wrong = define_block(tmp_path, text=TEXT.replace("v.time", "float(v.time)"))
     with pytest.raises(
         RunError, match=r"^Own could not be built: Own.outputs, y: `float\(v.time\)` in line 9"
     ):
@@ -276,20 +276,20 @@ def test_without_a_home_the_cache_is_in_a_temporary_folder(homeless: Path) -> No
 @pytest.mark.skipif(sys.platform != "linux", reason="The cache is in HOME on Linux only.")
 def test_temporary_folder_that_others_can_write_to_is_not_used(homeless: Path) -> None:
     """Binaries are loaded from there."""
-    theirs = homeless / f"emla-cosim-{os.getuid()}"
+    foreign_folder = homeless / f"emla-cosim-{os.getuid()}"
     code = "from fmublock.cache import cache_folder; print(cache_folder())"
 
-    def chosen() -> Path:
+    def choose_folder() -> Path:
         run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         return Path(run.stdout.strip())
 
-    assert chosen() == theirs
-    theirs.chmod(0o777)
-    assert chosen() != theirs and chosen().parent == homeless
-    theirs.rmdir()
+    assert choose_folder() == foreign_folder
+    foreign_folder.chmod(0o777)
+    assert choose_folder() != foreign_folder and choose_folder().parent == homeless
+    foreign_folder.rmdir()
     (homeless / "elsewhere").mkdir()
-    theirs.symlink_to(homeless / "elsewhere")
-    assert chosen() != theirs
+    foreign_folder.symlink_to(homeless / "elsewhere")
+    assert choose_folder() != foreign_folder
 
 
 # ---- what it costs -----------------------------------------------------------------------------
@@ -320,9 +320,9 @@ def test_parallel_processes_build_an_fmu_once(cache: Path, tmp_path: Path) -> No
     environment = {**os.environ, **without_prebuilt(tmp_path / "site")}
     command = [sys.executable, "-c", code]
     runs = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) for _ in range(3)]
-    said = [run.communicate()[0] for run in runs]
+    texts = [run.communicate()[0] for run in runs]
     assert [run.returncode for run in runs] == [0, 0, 0]
-    assert sorted(said) == ["", "", "built\n"]
+    assert sorted(texts) == ["", "", "built\n"]
 
 
 def test_incomplete_fmus_need_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,12 +57,12 @@ def check(result: ec.Result, first: int = 3, **more: float) -> None:
     for edge in (0.2, 0.25, 0.4):
         away &= np.abs(result["a.x"] - edge) > 1e-9
     for name, values in expected(result.time, first, **more).items():
-        found = result[name]
+        actual = result[name]
         if values.dtype == float:
-            np.testing.assert_allclose(found, values, atol=1e-12, err_msg=name)
+            np.testing.assert_allclose(actual, values, atol=1e-12, err_msg=name)
         else:
-            assert found[away].tolist() == values[away].tolist(), name
-            assert found.dtype == {"i": np.int32, "b": np.bool_, "O": object}[values.dtype.kind], name
+            assert actual[away].tolist() == values[away].tolist(), name
+            assert actual.dtype == {"i": np.int32, "b": np.bool_, "O": object}[values.dtype.kind], name
 
 
 WAYS = {
@@ -87,15 +87,15 @@ def test_all_types_are_recorded_by_every_stepper(fmu: Path, way: str) -> None:
 
 
 def test_resumed_run_has_the_same_table(fmu: Path, tmp_path: Path) -> None:
-    place, file = tmp_path / "half.checkpoint", tmp_path / "rows.csv"
+    path, file = tmp_path / "half.checkpoint", tmp_path / "rows.csv"
     signals = tuple(n for n in EVERYTHING if n != "a.reads")
     with prepare(fmu, start_time=0.1, signals=signals) as simulation:
-        simulation.run(stop_time=0.3, checkpoint=place, recorders=[ec.CsvFile(file)])
-        resumed = simulation.run(resume=place, recorders=[ec.CsvFile(file)])
+        simulation.run(stop_time=0.3, checkpoint=path, recorders=[ec.CsvFile(file)])
+        resumed = simulation.run(resume=path, recorders=[ec.CsvFile(file)])
         check(simulation.run(), start=0.1)
-        whole = tmp_path / "whole.csv"
-        simulation.run(recorders=[ec.CsvFile(whole)])
-    assert file.read_bytes() == whole.read_bytes()
+        full_table = tmp_path / "whole.csv"
+        simulation.run(recorders=[ec.CsvFile(full_table)])
+    assert file.read_bytes() == full_table.read_bytes()
     assert resumed.signals["a.count"]["minimum"] == 4.0
 
 
@@ -111,7 +111,7 @@ def test_outputs_but_no_texts_and_no_locals_are_recorded_by_default(fmu: Path) -
 
 def test_fmpy_has_the_same_values(fmu: Path) -> None:
     names = ["x", "count", "mode", "high", "half", "odd"]
-    theirs = fmpy.simulate_fmu(
+    fmpy_result = fmpy.simulate_fmu(
         str(fmu), stop_time=0.5, step_size=0.01, output_interval=0.01, output=names, fmi_type="CoSimulation"
     )
     system = ec.System.of({"a": fmu})
@@ -119,10 +119,10 @@ def test_fmpy_has_the_same_values(fmu: Path) -> None:
         system, step_size=0.01, stop_time=0.5, output_interval=0.01, signals=[f"a.{n}" for n in names]
     ).prepare() as simulation:
         ours = simulation.run()
-    np.testing.assert_allclose(ours.time, theirs["time"], atol=1e-12)
+    np.testing.assert_allclose(ours.time, fmpy_result["time"], atol=1e-12)
     away = np.abs(ours["a.x"][:, None] - [0.2, 0.25, 0.4]).min(axis=1) > 1e-9
     for name in names:
-        assert np.allclose(ours[f"a.{name}"][away], theirs[name][away], atol=1e-12), name
+        assert np.allclose(ours[f"a.{name}"][away], fmpy_result[name][away], atol=1e-12), name
 
 
 def test_tables_have_types(fmu: Path, tmp_path: Path) -> None:
@@ -149,12 +149,19 @@ def test_tables_have_types(fmu: Path, tmp_path: Path) -> None:
     assert result.to_polars().schema["a.odd"] == polars.Boolean
     for file in files:
         stored = open_stored_run(file)
-        found = stored.read(["time", "a.count", "a.text"])
-        assert found["a.count"].tolist() == expected(found["time"])["a.count"].tolist()
-        assert found["a.text"][0] == "count is 3, low"
+        actual = stored.read(["time", "a.count", "a.text"])
+        assert actual["a.count"].tolist() == expected(actual["time"])["a.count"].tolist()
+        assert actual["a.text"][0] == "count is 3, low"
         assert len(stored.read(["a.text"], 5)["a.text"]) <= 7
-        left = {one.signal for one in result.compare(file, {"*": 0.0}) if one.left_at is not None}
-        assert left <= {"a.reads", "a.note"}  # the calls of two runs, and a line break in CSV and in Parquet
+        outside = {
+            comparison.signal
+            for comparison in result.compare(file, {"*": 0.0})
+            if comparison.left_at is not None
+        }
+        assert outside <= {
+            "a.reads",
+            "a.note",
+        }  # the calls of two runs, and a line break in CSV and in Parquet
 
 
 def test_a_saved_result_has_types_and_can_be_plotted(fmu: Path, tmp_path: Path) -> None:
@@ -179,8 +186,10 @@ def test_requirements_and_references_have_all_types(fmu: Path, tmp_path: Path) -
         with pytest.raises(RunError, match=r"a\.twice\.final"):
             simulation.run(require=["a.twice.final < 16"])
         other = simulation.run(set={"a.first": 4})
-    left = {one.signal for one in other.compare(tmp_path / "kept") if one.left_at is not None}
-    assert left == {"a.text", "a.odd", "a.count", "a.twice"}
+    outside = {
+        comparison.signal for comparison in other.compare(tmp_path / "kept") if comparison.left_at is not None
+    }
+    assert outside == {"a.text", "a.odd", "a.count", "a.twice"}
 
 
 @pytest.mark.parametrize("isolated", mostly_slow([(), ("a",)], [()]))
@@ -189,9 +198,9 @@ def test_failed_reading_ends_the_run(fmu: Path, isolated: tuple[str, ...]) -> No
     with prepare(fmu, output_interval=0.01, **options) as simulation:
         with pytest.raises(RunError, match="a answered getting recorded variables with fmi2Error") as caught:
             simulation.run(set={"a.fail_at": 5})
-        kept = caught.value.fields["result"]
-        assert kept.time[-1] == pytest.approx(0.19)
-        assert kept["a.text"][-1] == "count is 4, low"
+        partial = caught.value.fields["result"]
+        assert partial.time[-1] == pytest.approx(0.19)
+        assert partial["a.text"][-1] == "count is 4, low"
         check_again = simulation.run(set={"a.first": 1})
         assert check_again["a.count"][-1] == 6
 

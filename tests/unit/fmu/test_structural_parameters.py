@@ -51,11 +51,11 @@ def test_larger_arrays_give_the_closed_form(path: Path, options: dict[str, Any])
     system = System.of({"s": path}, [], VALUES)
     with ec.load(system, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
         for _ in range(2):  # the second run has a new instance
-            found = simulation.run(signals=["s.y*", "s.x0[3]", "s.n"])
-            assert [name for name in found.names if name.startswith("s.y")] == ["s.y[1]"]
-            assert np.allclose(found["s.y[1]"], expected[:, 0], rtol=1e-12, atol=0.0)
-            assert set(found["s.x0[3]"]) == {0.5}, "the single start value is set again for all elements"
-            assert set(found["s.n"]) == {3}
+            result = simulation.run(signals=["s.y*", "s.x0[3]", "s.n"])
+            assert [name for name in result.names if name.startswith("s.y")] == ["s.y[1]"]
+            assert np.allclose(result["s.y[1]"], expected[:, 0], rtol=1e-12, atol=0.0)
+            assert set(result["s.x0[3]"]) == {0.5}, "the single start value is set again for all elements"
+            assert set(result["s.n"]) == {3}
 
 
 @pytest.mark.parametrize(
@@ -69,18 +69,18 @@ def test_larger_arrays_give_the_closed_form(path: Path, options: dict[str, Any])
 def test_arrays_of_other_sizes_give_the_closed_form(
     path: Path, values: dict[str, Any], matrices: tuple[Any, Any, Any]
 ) -> None:
-    found = run(System.of({"s": path}, [], values))
+    result = run(System.of({"s": path}, [], values))
     expected = euler(*matrices, [1.0])
-    assert np.allclose(np.array([found["s.y[1]"], found["s.y[2]"]]).T, expected, rtol=1e-12, atol=0.0)
+    assert np.allclose(np.array([result["s.y[1]"], result["s.y[2]"]]).T, expected, rtol=1e-12, atol=0.0)
 
 
 def test_whole_arrays_connect_with_their_new_sizes(path: Path) -> None:
     first = {**VALUES, "s.r": 3, "s.C": np.eye(3)}
     system = System.of({"s": path, "t": path}, ["s.y -> t.u"], {**first, **SECOND})
-    found = run(system, algorithm="jacobi")
+    result = run(system, algorithm="jacobi")
     y, x = euler(A, B, np.eye(3), U), 0.5
     for k, u in enumerate(y):
-        assert np.isclose(found["t.y[1]"][k], x, rtol=1e-12)
+        assert np.isclose(result["t.y[1]"][k], x, rtol=1e-12)
         x += STEP * (-x + np.array([1.0, 2.0, 4.0]) @ u)
     with pytest.raises(CommandError, match=r"joins different shapes: s.y has 2 elements, t.u has 3 elements"):
         first |= {"s.r": 2, "s.C": np.ones((2, 3))}
@@ -131,10 +131,10 @@ def test_resumed_run_has_the_same_values(path: Path, isolate: list[str], tmp_pat
         with ec.load(System.of({"s": path}, [], values), **options).prepare() as simulation:
             return simulation.run()
 
-    whole = part(STOP)
+    full_run = part(STOP)
     part(0.5, checkpoint=tmp_path / "c")
     rest = part(STOP, resume=tmp_path / "c")
-    assert rest["s.y[1]"][-1] == whole["s.y[1]"][-1]
+    assert rest["s.y[1]"][-1] == full_run["s.y[1]"][-1]
     with pytest.raises(CommandError):
         part(STOP, FEW, resume=tmp_path / "c")
 
@@ -143,20 +143,20 @@ def test_values_come_from_the_command_line_and_from_files(path: Path, emla: Emla
     few = {k.replace("s.", "StateSpace."): v for k, v in FEW.items()}
     options = ["--step-size", str(STEP), "--stop-time", str(STOP)]
     settings = [f"--set={name}={value}" for name, value in few.items()]
-    shown = emla("info", str(path), *settings).stdout
-    assert "StateSpace.C[2,1]" in shown
-    assert "StateSpace.C[2,2]" not in shown
+    output = emla("info", str(path), *settings).stdout
+    assert "StateSpace.C[2,1]" in output
+    assert "StateSpace.C[2,2]" not in output
     table = tmp_path / "values.csv"
     table.write_text("\n".join((";".join(few), ";".join(str(x) for x in few.values()))))
     expected = run(System.of({"s": path}, [], FEW))
     for name, chosen in {"set": settings, "table": ["--parameters", str(table)]}.items():
-        done = emla("run", str(path), *options, *chosen, "--output", str(tmp_path / name))
-        assert done.exit_code == 0, done.output
-        found = np.genfromtxt(tmp_path / name / "results.csv", delimiter=",", names=True, deletechars="")
-        assert found["StateSpace.y[2]"][-1] == expected["s.y[2]"][-1]
-    done = emla("run", str(path), *options, "--set", "n=9", "--output", str(tmp_path / "wrong"))
-    assert done.exit_code == 2
-    assert "n = 9 is out of range" in sentence(done, 2)
+        result = emla("run", str(path), *options, *chosen, "--output", str(tmp_path / name))
+        assert result.exit_code == 0, result.output
+        actual = np.genfromtxt(tmp_path / name / "results.csv", delimiter=",", names=True, deletechars="")
+        assert actual["StateSpace.y[2]"][-1] == expected["s.y[2]"][-1]
+    result = emla("run", str(path), *options, "--set", "n=9", "--output", str(tmp_path / "wrong"))
+    assert result.exit_code == 2
+    assert "n = 9 is out of range" in sentence(result, 2)
 
 
 def test_packages_have_their_sizes(path: Path, tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_packages_have_their_sizes(path: Path, tmp_path: Path) -> None:
     )
     scenario = ec.load(system, step_size=STEP, stop_time=STOP)
     scenario.export(tmp_path / "sized.ssp")
-    found = ec.load(tmp_path / "sized.ssp").prepare().run()
-    assert np.array_equal(found["t.y[1]"], run(system)["t.y[1]"])
+    result = ec.load(tmp_path / "sized.ssp").prepare().run()
+    assert np.array_equal(result["t.y[1]"], run(system)["t.y[1]"])
     with pytest.raises(CommandError, match=r"cannot change the size of s.y: its elements are connected"):
         ec.load(tmp_path / "sized.ssp", set={"s.r": 2}).prepare()

@@ -85,8 +85,8 @@ def system_of(interface: Interface) -> tuple[System, dict[str, Interface]]:
     ],
 )
 def test_start_values_in_units_of_the_fmu(interface: Interface, name: str, text: str, value: float) -> None:
-    found = Names(*system_of(interface)).start_values({f"a.{name}": text})
-    assert found == {f"a.{name}": pytest.approx(value, rel=1e-12)}
+    start_values = Names(*system_of(interface)).start_values({f"a.{name}": text})
+    assert start_values == {f"a.{name}": pytest.approx(value, rel=1e-12)}
 
 
 @pytest.mark.parametrize(
@@ -112,8 +112,8 @@ def test_definition_that_contradicts_its_name_is_reported(
 ) -> None:
     """The FMU defines mm with the factor 1. Values in its own unit need no conversion."""
     with accept_faults(lenient=False) as faults:
-        found = Names(*system_of(interface)).start_values({"a.length": text})
-    assert found == {"a.length": pytest.approx(value)}
+        start_values = Names(*system_of(interface)).start_values({"a.length": text})
+    assert start_values == {"a.length": pytest.approx(value)}
     assert len(faults.remarks()) == count
     assert all("the factor 1, but its name means 0.001 m" in remark for remark in faults.remarks())
 
@@ -145,12 +145,12 @@ def test_fault_with_units(interface: Interface) -> None:
     system, interfaces = system_of(interface)
     faults = [Fault.of_text("a.u=offset:4 hPa@100ms+0,5s"), Fault("a.u", "constant", 1.0, value="2 mmHg")]
     assert (faults[0].start, faults[0].duration) == (0.1, 0.5)
-    made, components = add_fault_components(system, faults[:1])
+    faulty_system, components = add_fault_components(system, faults[:1])
     (name,) = components
-    wired = wire_faults(made, components, interfaces).component(name)
+    wired = wire_faults(faulty_system, components, interfaces).component(name)
     assert wired.parameters["offset"] == pytest.approx(400.0 / MMHG)
-    made, components = add_fault_components(system, faults[1:])
-    assert wire_faults(made, components, interfaces).component(name).parameters["offset"] == 2.0
-    made, components = add_fault_components(system, [Fault("a.u", "offset", 1.0, value="2 s")])
+    faulty_system, components = add_fault_components(system, faults[1:])
+    assert wire_faults(faulty_system, components, interfaces).component(name).parameters["offset"] == 2.0
+    faulty_system, components = add_fault_components(system, [Fault("a.u", "offset", 1.0, value="2 s")])
     with pytest.raises(CommandError, match="the units s and mmHg, which cannot"):
-        wire_faults(made, components, interfaces)
+        wire_faults(faulty_system, components, interfaces)

@@ -34,8 +34,8 @@ def test_values_that_hold_are_reported(
     source = ec.Input(data, {"Faulty.u": "u"}, end=end)
     with ec.load(str(faulty_fmu), **STEP, input=[source]).prepare() as simulation:
         for _ in range(2):
-            found = [text for text in simulation.run().remarks if "cover" in text]
-            assert len(found) == bool(remark) and all(remark in text for text in found)
+            actual = [text for text in simulation.run().remarks if "cover" in text]
+            assert len(actual) == bool(remark) and all(remark in text for text in actual)
 
 
 def test_data_after_the_run_are_refused(faulty_fmu: Path, tmp_path: Path) -> None:
@@ -52,11 +52,11 @@ def test_data_after_the_run_are_refused(faulty_fmu: Path, tmp_path: Path) -> Non
 def test_sweeps_say_it_once(faulty_fmu: Path, tmp_path: Path, on_one_cluster: None) -> None:
     class Notes(Progress):
         def note(self, text: str) -> None:
-            found.append(text)
+            actual.append(text)
 
-    found = list[str]()
+    actual = list[str]()
     data = tmp_path / "u.csv"
     data.write_text("time [s],u\n0.5,1\n2,1\n")
     scenario = ec.load(str(faulty_fmu), **STEP, input=[ec.Input(data, {"Faulty.u": "u"})])
     ec.sweep(scenario, {"Faulty.b": [1.0, 2.0]}, metrics=["y = last(Faulty.y)"], progress=Notes())
-    assert sum("the first values hold until 0.5 s" in text for text in found) == 1
+    assert sum("the first values hold until 0.5 s" in text for text in actual) == 1

@@ -32,9 +32,9 @@ def driven(fmu: Path, data: dict[str, list[float]], **settings: str) -> ec.Resul
 def test_two_rows_at_one_time_are_a_jump(integrator: Path, interpolation: str) -> None:
     data = {"time": [0.0, 0.5, 0.5, 1.0], "u": [0.0, 1.0, 3.0, 5.0]}
     result = driven(integrator, data, interpolation=interpolation)
-    held = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 3.0, 3.0, 3.0, 3.0, 5.0])
+    held_values = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3.0, 3.0, 3.0, 3.0, 3.0, 5.0])
     lines = np.where(TIMES < 0.5, 2.0 * TIMES, 3.0 + 4.0 * (TIMES - 0.5))  # also as splines of two rows
-    assert result["input.M.u"] == pytest.approx(held if interpolation == "held" else lines, abs=1e-12)
+    assert result["input.M.u"] == pytest.approx(held_values if interpolation == "held" else lines, abs=1e-12)
 
 
 def test_a_cubic_column_has_a_spline_on_each_side_of_a_jump(integrator: Path) -> None:
@@ -48,9 +48,9 @@ def test_a_cubic_column_has_a_spline_on_each_side_of_a_jump(integrator: Path) ->
 
 
 def test_equal_rows_change_nothing(integrator: Path) -> None:
-    once = driven(integrator, {"time": [0.0, 0.4, 1.0], "u": [0.0, 2.0, 1.0]})
+    without_repetition = driven(integrator, {"time": [0.0, 0.4, 1.0], "u": [0.0, 2.0, 1.0]})
     twice = driven(integrator, {"time": [0.0, 0.4, 0.4, 1.0, 1.0], "u": [0.0, 2.0, 2.0, 1.0, 1.0]})
-    assert np.array_equal(once["M.x"], twice["M.x"])
+    assert np.array_equal(without_repetition["M.x"], twice["M.x"])
 
 
 def test_steps_end_at_jumps_under_error_control(integrator: Path) -> None:

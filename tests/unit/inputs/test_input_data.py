@@ -37,8 +37,8 @@ def table(folder: Path, content: str | bytes, name: str = "data.csv") -> LoadedI
     ],
 )
 def test_headers(text: str, name: str, unit: str | None) -> None:
-    found = Header.of(text)
-    assert (found.name, found.unit) == (name, unit)
+    actual = Header.of(text)
+    assert (actual.name, actual.unit) == (name, unit)
 
 
 @pytest.mark.parametrize(
@@ -55,11 +55,11 @@ def test_headers(text: str, name: str, unit: str | None) -> None:
     ],
 )
 def test_forms_of_csv_mean_the_same(content: str, tmp_path: Path) -> None:
-    found = table(tmp_path, content)
-    position = found.data.find("x")
+    actual = table(tmp_path, content)
+    position = actual.data.find("x")
     assert position is not None
-    np.testing.assert_allclose(found.times, [0.0, 1.0], rtol=1e-15)
-    assert found.data.numbers(position).tolist() == [1.5, -2e-3]
+    np.testing.assert_allclose(actual.times, [0.0, 1.0], rtol=1e-15)
+    assert actual.data.numbers(position).tolist() == [1.5, -2e-3]
 
 
 @given(values=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=2, max_size=20))
@@ -67,8 +67,8 @@ def test_numbers_are_read_to_the_last_bit(
     values: list[float], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     rows = "".join(f"{k},{value!r}\n" for k, value in enumerate(values))
-    found = table(tmp_path_factory.mktemp("data"), f"t,x\n{rows}")
-    assert found.data.numbers(1).tolist() == values
+    actual = table(tmp_path_factory.mktemp("data"), f"t,x\n{rows}")
+    assert actual.data.numbers(1).tolist() == values
 
 
 @pytest.mark.parametrize(
@@ -102,10 +102,10 @@ def test_numbers_are_read_to_the_last_bit(
 )
 def test_invalid_files(content: str | bytes, sentence: str, tmp_path: Path) -> None:
     with pytest.raises(CommandError, match=sentence) as error:
-        found = table(tmp_path, content)
-        position = found.data.find("x")
+        actual = table(tmp_path, content)
+        position = actual.data.find("x")
         assert position is not None
-        found.data.numbers(position)
+        actual.data.numbers(position)
     assert "\n" not in str(error.value) and "data.csv" in str(error.value)
 
 
@@ -113,29 +113,29 @@ def test_pipes_devices_and_folders_are_refused(tmp_path: Path) -> None:
     pipe, link = tmp_path / "pipe.csv", tmp_path / "link.csv"
     os.mkfifo(pipe)
     link.symlink_to("/dev/zero")
-    for place in (pipe, link, tmp_path, tmp_path / "none.csv", Path("/dev/zero"), Path("a\0b.csv")):
+    for path in (pipe, link, tmp_path, tmp_path / "none.csv", Path("/dev/zero"), Path("a\0b.csv")):
         with pytest.raises(CommandError, match="cannot be read"):
-            read_data(Input(place))
+            read_data(Input(path))
 
 
 def test_units_of_parquet_are_in_its_metadata(tmp_path: Path) -> None:
     file = tmp_path / "x.parquet"
     frame = polars.DataFrame({"time": [0, 1], "a.b [1]": [1.0, 2.0], "text": ["a", "b"], "gap": [1.0, None]})
     frame.write_parquet(file, metadata={"units": '{"time": "ms", "a.b [1]": "kN"}'})
-    found = LoadedInput.of(Input(file))
-    assert found.times.tolist() == [0.0, 1e-3]
-    assert (found.data.headers[1].name, found.data.headers[1].unit) == ("a.b [1]", "kN")
+    actual = LoadedInput.of(Input(file))
+    assert actual.times.tolist() == [0.0, 1e-3]
+    assert (actual.data.headers[1].name, actual.data.headers[1].unit) == ("a.b [1]", "kN")
     for column, sentence in ((2, "has 'a' in row 1"), (3, "has nothing in row 2")):
         with pytest.raises(CommandError, match=sentence):
-            found.data.numbers(column)
+            actual.data.numbers(column)
 
 
 def test_damaged_parquet(tmp_path: Path) -> None:
     file = tmp_path / "x.parquet"
     polars.DataFrame({"time": np.arange(1e3), "x": np.arange(1e3)}).write_parquet(file)
-    whole = file.read_bytes()
-    for place in range(4, len(whole), 397):
-        file.write_bytes(whole[:place] + b"\xff\x00\xff" + whole[place + 3 :])
+    content = file.read_bytes()
+    for offset in range(4, len(content), 397):
+        file.write_bytes(content[:offset] + b"\xff\x00\xff" + content[offset + 3 :])
         try:
             LoadedInput.of(Input(file)).data.numbers(1)
         except CommandError as error:
@@ -145,8 +145,8 @@ def test_damaged_parquet(tmp_path: Path) -> None:
 def test_frames() -> None:
     columns = {"time": np.array([0.0, 1.0]), "x [mm]": np.array([1, 2], dtype=np.int16)}
     for data in (columns, polars.DataFrame(columns), pandas.DataFrame(columns)):
-        found = LoadedInput.of(Input(data=data)).data
-        assert found.numbers(1).tolist() == [1.0, 2.0] and found.headers[1].unit == "mm"
+        actual = LoadedInput.of(Input(data=data)).data
+        assert actual.numbers(1).tolist() == [1.0, 2.0] and actual.headers[1].unit == "mm"
 
 
 @pytest.mark.parametrize(
@@ -169,11 +169,13 @@ def test_inputs_from_text() -> None:
 
 
 def test_inputs_as_text() -> None:
-    one = Input(Path("m.csv"), {"a.b": Column("F", "kN", 1)}, ["c.*"], interpolation="cubic", end="stop")
-    assert str(one) == "m.csv:a.b=der(F [kN]),c.*,interpolation=cubic,end=stop"
-    assert one.is_text and str(Input.of_text(str(one))) == str(one)
-    for other in (Input(Path("m.csv"), {"a.b": Column("F,kN")}), Input(data={})):
-        assert not other.is_text
+    with_columns = Input(
+        Path("m.csv"), {"a.b": Column("F", "kN", 1)}, ["c.*"], interpolation="cubic", end="stop"
+    )
+    assert str(with_columns) == "m.csv:a.b=der(F [kN]),c.*,interpolation=cubic,end=stop"
+    assert with_columns.is_text and str(Input.of_text(str(with_columns))) == str(with_columns)
+    for untextual in (Input(Path("m.csv"), {"a.b": Column("F,kN")}), Input(data={})):
+        assert not untextual.is_text
 
 
 @pytest.mark.parametrize(

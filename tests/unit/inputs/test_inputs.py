@@ -81,16 +81,16 @@ def test_column_drives_all_receivers_of_an_output(fmu_folder: Path, measured: Pa
 
 
 def test_column_with_its_derivatives_replaces_a_reference(fmu_folder: Path) -> None:
-    own = ran(lift(fmu_folder))
+    original = ran(lift(fmu_folder))
     names = [f"lift.reference.{n}" for n in ("x_d", "v_d", "a_d")]
-    data = {"time": own["time"], "x [mm]": 1e3 * own[names[0]]}
+    data = {"time": original["time"], "x [mm]": 1e3 * original[names[0]]}
     signals = {name: "der(" * k + "x" + ")" * k for k, name in enumerate(names)}
     result = ran(lift(fmu_folder, ec.Input(data=data, signals=signals, interpolation="cubic")))
     assert result.record["components"]["lift.reference"]["parameters"] == {}
     for name, tolerance in zip(names, (1e-12, 1e-7, 1e-3), strict=True):
-        size = np.abs(own[name]).max()
-        np.testing.assert_allclose(result[name][3:-3], own[name][3:-3], rtol=0, atol=tolerance * size)
-    figures, expected = result.metrics["joints"]["lift"], own.metrics["joints"]["lift"]
+        size = np.abs(original[name]).max()
+        np.testing.assert_allclose(result[name][3:-3], original[name][3:-3], rtol=0, atol=tolerance * size)
+    figures, expected = result.metrics["joints"]["lift"], original.metrics["joints"]["lift"]
     assert figures["torque_peak_N_m"] == pytest.approx(expected["torque_peak_N_m"], rel=1e-3)
 
 
@@ -142,8 +142,8 @@ def test_several_inputs_drive_several_signals(fmu_folder: Path, measured: Path) 
 def test_only_the_start_value_of_the_driven_input_is_dropped(faulty_fmu: Path) -> None:
     """Also where a name here is that of another variable of the FMU."""
     aliases = {"u": Alias("a"), "drive": Alias("u")}
-    given = {"u": 0.5, "drive": 4.0, "b": 2.0}
-    sink = replace(faulty("j.sink", faulty_fmu), parameters=given, aliases=aliases)
+    start_values = {"u": 0.5, "drive": 4.0, "b": 2.0}
+    sink = replace(faulty("j.sink", faulty_fmu), parameters=start_values, aliases=aliases)
     table = LoadedInput.of(ec.Input(data={"t": [0.0, 1.0], "x": [1.0, 1.0]}, signals={"j.sink.drive": "x"}))
     system = ec.System((sink,), ())
     with Assembly(system, {"j.sink": faulty_fmu}) as assembly:
@@ -189,7 +189,7 @@ def test_first_data_with_end_stop_end_the_run(chosen: tuple[int, int], fmu_folde
 # ---- in files, workers and checkpoints ---------------------------------------------------------
 
 
-MINE = f"""
+SCENARIO_FILE = f"""
 system = "lift"
 stop_time = 0.01
 
@@ -205,9 +205,9 @@ signals = {{ "{LOAD}" = "Force [kN]", "lift.plant.supply.sag" = {{ column = "oth
 def test_scenario_file_names_its_data_and_run_json_their_hash(emla: Emla, measured: Path) -> None:
     Path("there").mkdir()
     content = measured.rename("there/measured.csv").read_bytes()
-    Path("there/mine.toml").write_text(MINE)
-    done = emla("run", "there/mine.toml", "--no-plots", "--output", "out")
-    assert done.exit_code == 0, done.output
+    Path("there/mine.toml").write_text(SCENARIO_FILE)
+    result = emla("run", "there/mine.toml", "--no-plots", "--output", "out")
+    assert result.exit_code == 0, result.output
     (recorded,) = json.loads(Path("out/run.json").read_text())["settings"]["input"]
     assert recorded["end"] == "repeat" and recorded["signals"][LOAD] == "Force [kN]"
     assert recorded["sha256"] == hashlib.sha256(content).hexdigest()
@@ -228,10 +228,10 @@ def test_run_continues_with_the_same_data_only(fmu_folder: Path, measured: Path,
 
     checkpoint = tmp_path / "c"
     run(stop_time=0.02, checkpoint=checkpoint)
-    whole, name = run(), "lift.plant.x_L"
-    np.testing.assert_array_equal(run(resume=checkpoint)[name], whole[name][20 + 1 :])
+    full_run, name = run(), "lift.plant.x_L"
+    np.testing.assert_array_equal(run(resume=checkpoint)[name], full_run[name][20 + 1 :])
     measured.write_text(measured.read_text().replace("other", "another"))  # the same numbers
-    np.testing.assert_array_equal(run(resume=checkpoint)[name], whole[name][20 + 1 :])
+    np.testing.assert_array_equal(run(resume=checkpoint)[name], full_run[name][20 + 1 :])
     change_first_value(measured)
     with pytest.raises(CommandError, match="FMUs"):
         run(resume=checkpoint)

@@ -41,12 +41,14 @@ def lift(folder: Path) -> tuple[System, dict[str, Interface]]:
 
 def forces_of(folder: Path, source: Input | Path, signal: str = LOAD) -> tuple[np.ndarray, str]:
     """The values that drive a signal in the rows, and the notes on them."""
-    loaded = LoadedInput.of(source if isinstance(source, Input) else Input(source, {signal: "Force"}))
+    loaded_input = LoadedInput.of(source if isinstance(source, Input) else Input(source, {signal: "Force"}))
     system, interfaces = lift(folder)
-    notes = wire_inputs(system, [loaded], interfaces, ["linux64"]).notes
-    (driven,), _ = bind_columns(loaded.source, loaded.data, loaded.time, system, Names(system, interfaces))
+    notes = wire_inputs(system, [loaded_input], interfaces, ["linux64"]).notes
+    (driven,), _ = bind_columns(
+        loaded_input.source, loaded_input.data, loaded_input.time, system, Names(system, interfaces)
+    )
     assert driven.signal == signal
-    numbers = loaded.data.numbers(driven.column)
+    numbers = loaded_input.data.numbers(driven.column)
     return driven.transformation.factor * numbers + driven.transformation.offset, "\n".join(notes)
 
 
@@ -77,9 +79,9 @@ def rows(delimiter: str = ";", force: float = 1.0) -> str:
     ],
 )
 def test_header_that_only_looks_as_if_it_had_a_unit(header: str, name: str, unit: str) -> None:
-    found = Header.of(header)
-    assert found.unit is None and found.name == header
-    assert found.unit_like_end == (name, unit)
+    actual = Header.of(header)
+    assert actual.unit is None and actual.name == header
+    assert actual.unit_like_end == (name, unit)
 
 
 NO_UNITS = """v1.2|KraftkN|F.kNn|.kN|x|x_1|Speed in the motor|Speed motor|a/b|x_max|p_2|_N"""
@@ -105,16 +107,16 @@ def test_header_without_a_unit_at_its_end(header: str) -> None:
 def test_units_are_read_in_every_form(content: str, fmu_folder: Path, tmp_path: Path) -> None:
     file = tmp_path / "data.csv"
     file.write_text(content)
-    found, notes = forces_of(fmu_folder, Input(file) if LOAD in content else file)
-    np.testing.assert_allclose(found, 1e3 * np.array(FORCES), rtol=1e-5)
+    forces, notes = forces_of(fmu_folder, Input(file) if LOAD in content else file)
+    np.testing.assert_allclose(forces, 1e3 * np.array(FORCES), rtol=1e-5)
     assert "without a unit" not in notes
 
 
 def test_column_without_a_unit_is_noted(fmu_folder: Path, tmp_path: Path) -> None:
     file = tmp_path / "data.csv"
     file.write_text("Zeit in ms;Force\n" + rows())
-    found, notes = forces_of(fmu_folder, file)
-    assert found.tolist() == FORCES
+    forces, notes = forces_of(fmu_folder, file)
+    assert forces.tolist() == FORCES
     assert "read in the unit of their signal: 'Force' in N." in notes
 
 
@@ -126,8 +128,8 @@ def test_header_that_may_have_another_unit_is_refused(header: str, fmu_folder: P
     with pytest.raises(CommandError, match=f"ends like the unit 'mm', but {POSITION} is in m; {remedy}"):
         forces_of(fmu_folder, Input(file, {POSITION: header}), POSITION)
     for unit, factor in (("mm", 1e-3), ("m", 1.0)):
-        found, notes = forces_of(fmu_folder, Input(file, {POSITION: f"{header} [{unit}]"}), POSITION)
-        np.testing.assert_allclose(found, factor * np.array([0.24, 0.25]), rtol=1e-15)
+        forces, notes = forces_of(fmu_folder, Input(file, {POSITION: f"{header} [{unit}]"}), POSITION)
+        np.testing.assert_allclose(forces, factor * np.array([0.24, 0.25]), rtol=1e-15)
         assert "without a unit" not in notes
 
 
@@ -142,8 +144,8 @@ def test_unit_behind_the_name_of_a_signal_is_refused(fmu_folder: Path, tmp_path:
 def test_end_of_another_quantity_is_a_name(header: str, fmu_folder: Path, tmp_path: Path) -> None:
     file = tmp_path / "data.csv"
     file.write_text(f"t;{header}\n0;0.24\n0.01;0.24\n")
-    found, notes = forces_of(fmu_folder, Input(file, {POSITION: header}), POSITION)
-    assert found[0] == 0.24 and f"'{header}' in m" in notes
+    forces, notes = forces_of(fmu_folder, Input(file, {POSITION: header}), POSITION)
+    assert forces[0] == 0.24 and f"'{header}' in m" in notes
 
 
 def test_unknown_unit_needs_a_declaration(fmu_folder: Path, tmp_path: Path) -> None:
@@ -151,8 +153,8 @@ def test_unknown_unit_needs_a_declaration(fmu_folder: Path, tmp_path: Path) -> N
     file.write_text("t;Weg in Zoll\n0;1\n0.01;1\n")
     with pytest.raises(CommandError, match=r"'Weg in Zoll' .* has the unknown unit 'Zoll'"):
         forces_of(fmu_folder, Input(file, {POSITION: "Weg in Zoll"}), POSITION)
-    found, _ = forces_of(fmu_folder, Input(file, {POSITION: "Weg in Zoll [in]"}), POSITION)
-    assert found[0] == pytest.approx(0.0254)
+    forces, _ = forces_of(fmu_folder, Input(file, {POSITION: "Weg in Zoll [in]"}), POSITION)
+    assert forces[0] == pytest.approx(0.0254)
 
 
 @pytest.mark.parametrize(
@@ -175,8 +177,8 @@ def test_pounds_are_mass_or_force_as_the_signal(
 ) -> None:
     file = tmp_path / "data.csv"
     file.write_text(f"t;{header}\n0;{pound}\n0.01;{2.0 * pound}\n")
-    found, notes = forces_of(fmu_folder, file)
-    np.testing.assert_allclose(found, [4.4482216152605, 8.896443230521], rtol=1e-12)
+    forces, notes = forces_of(fmu_folder, file)
+    np.testing.assert_allclose(forces, [4.4482216152605, 8.896443230521], rtol=1e-12)
     assert "without a unit" not in notes
 
 
@@ -189,8 +191,8 @@ def test_german_preamble_and_encodings(encoding: str, end: str, fmu_folder: Path
     text += "".join(f"{1000 * t:g};7,5;{f:g}\n".replace(".", ",") for t, f in zip(TIMES, FORCES, strict=True))
     file = tmp_path / "data.csv"
     file.write_bytes(text.replace("\n", end).encode(encoding))
-    found, notes = forces_of(fmu_folder, file)
-    np.testing.assert_allclose(found, 1e3 * np.array(FORCES), rtol=1e-15)
+    forces, notes = forces_of(fmu_folder, file)
+    np.testing.assert_allclose(forces, 1e3 * np.array(FORCES), rtol=1e-15)
     assert "has 3 lines before its header, which are skipped" in notes
     assert LoadedInput.of(Input(file)).data.headers[1].text == "Druck in Öl"
     assert ("is not UTF-8" in notes) == (encoding != "utf-8")
@@ -203,9 +205,9 @@ def test_units_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
 
 
 def test_rows_are_counted_from_the_first_numbers(tmp_path: Path) -> None:
-    found = table(tmp_path, f"{PREAMBLE}t;F\ns;N\n0;1\n1;two\n")
+    actual = table(tmp_path, f"{PREAMBLE}t;F\ns;N\n0;1\n1;two\n")
     with pytest.raises(CommandError, match="has 'two' in row 2 of the column 'F'"):
-        found.data.numbers(1)
+        actual.data.numbers(1)
 
 
 @pytest.mark.parametrize(
@@ -256,9 +258,9 @@ def test_invalid_clock_times(cells: list[str], sentence: str, tmp_path: Path) ->
 def test_times_are_read_with_a_note(
     cells: list[str], times: list[float], note: str | None, tmp_path: Path
 ) -> None:
-    found = table(tmp_path, "time;x\n" + "".join(f"{c};1\n" for c in cells))
-    assert found.times.tolist() == times
-    assert any(note in text for text in found.data.notes) if note else not found.data.notes
+    actual = table(tmp_path, "time;x\n" + "".join(f"{c};1\n" for c in cells))
+    assert actual.times.tolist() == times
+    assert any(note in text for text in actual.data.notes) if note else not actual.data.notes
 
 
 def test_seconds_since_1970_stay_with_a_shift_or_in_a_run_of_that_time(tmp_path: Path) -> None:
@@ -328,8 +330,8 @@ def write_tdms(file: Path) -> None:
 def test_measurement_files_drive_signals(name: str, write, fmu_folder: Path, tmp_path: Path) -> None:
     file = tmp_path / name
     write(file)
-    found, _ = forces_of(fmu_folder, Input.of_text(f"{file}:{LOAD}=Force"))
-    np.testing.assert_allclose(found, 1e3 * np.array(FORCES), rtol=1e-15)
+    forces, _ = forces_of(fmu_folder, Input.of_text(f"{file}:{LOAD}=Force"))
+    np.testing.assert_allclose(forces, 1e3 * np.array(FORCES), rtol=1e-15)
     positions, _ = forces_of(fmu_folder, Input.of_text(f"{file}:{POSITION}=x"), POSITION)
     np.testing.assert_allclose(positions, [0.24, 0.241], rtol=1e-12)
     options = {"stop_time": STOP, "input": [f"{file}:{LOAD}=Force"]}
@@ -365,11 +367,11 @@ def test_samples_marked_invalid_are_refused(tmp_path: Path) -> None:
         bad = Signal(np.array(FORCES), times, name="Force", unit="kN", invalidation_bits=marks)
         mdf.append([bad, Signal(np.arange(3.0), times, name="x")])
         mdf.save(tmp_path / "a.mf4")
-    found = LoadedInput.of(Input(tmp_path / "a.mf4")).data
-    position = found.find("Force")
+    actual = LoadedInput.of(Input(tmp_path / "a.mf4")).data
+    position = actual.find("Force")
     assert position is not None
     with pytest.raises(CommandError, match="has 2 samples that are not at the 3 times of its group"):
-        found.numbers(position)
+        actual.numbers(position)
 
 
 def test_unit_at_the_end_of_a_parameter(fmu_folder: Path, tmp_path: Path) -> None:

@@ -183,8 +183,8 @@ def test_data_outside_of_the_run_name_the_setting(passing: Path, tmp_path: Path,
     refused = sentence(emla(*arguments, "--input", f"{file}:Passing.u=u,shift=-9 s"), 2)
     assert "data from -4 to -3 s, before the run, from 0 to 1 s; shift them with shift=start, or" in refused
     for shift in ("start", "-5 s"):
-        done = emla(*arguments, "--overwrite", "--input", f"{file}:Passing.u=u,shift={shift}")
-        assert done.exit_code == 0, done.output
+        result = emla(*arguments, "--overwrite", "--input", f"{file}:Passing.u=u,shift={shift}")
+        assert result.exit_code == 0, result.output
         assert (tmp_path / "o" / "results.csv").read_text().splitlines()[-1].startswith("1.0,2.0")
 
 

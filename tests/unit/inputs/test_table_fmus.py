@@ -92,8 +92,8 @@ def test_command_replaces_fmus_of_data_only(
     Path("measured.csv").write_text(MEASURED)
     arguments = ["build", "measured.csv", "--platform", host_platform(), "--output", "fmus"]
     for _ in range(2):
-        done = emla(*arguments)
-        assert done.exit_code == 0 and Path("fmus/measured/measured.fmu").is_file(), done.output
+        result = emla(*arguments)
+        assert result.exit_code == 0 and Path("fmus/measured/measured.fmu").is_file(), result.output
     Path("fmus/measured/measured.fmu").write_bytes(b"mine")
     assert "was not written by emla" in sentence(emla(*arguments), 2)
 

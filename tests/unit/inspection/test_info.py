@@ -27,9 +27,9 @@ def study(fmu_folder: Path) -> ec.Info:
 @pytest.mark.parametrize("model", MODELS)
 def test_fmu_as_read_by_fmpy(model: str, fmu_folder: Path) -> None:
     path = fmu_path(model, "native", fmu_folder)
-    said, found = fmpy.read_model_description(str(path)), ec.info(path)
-    assert [v.fmu_name for v in found.variables] == [v.name for v in said.modelVariables]
-    for row, variable in zip(found.variables, said.modelVariables, strict=True):
+    texts, content = fmpy.read_model_description(str(path)), ec.info(path)
+    assert [v.fmu_name for v in content.variables] == [v.name for v in texts.modelVariables]
+    for row, variable in zip(content.variables, texts.modelVariables, strict=True):
         assert row.name == f"{model}.{variable.name}"
         assert (row.causality, row.variability) == (variable.causality, variable.variability)
         assert (row.type, row.unit) == (variable.type, variable.unit)
@@ -41,22 +41,22 @@ def test_fmu_as_read_by_fmpy(model: str, fmu_folder: Path) -> None:
         if variable.type != "Enumeration":
             ends = (None if x is None else float(x) for x in (variable.min, variable.max))
             assert (row.minimum, row.maximum) == tuple(ends)
-    [fmu] = found.fmus
+    [fmu] = content.fmus
     assert fmu.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     assert list(fmu.platforms) == sorted({*fmpy.supported_platforms(str(path))} - {"c-code"})
-    assert fmu.stop_time == float(said.defaultExperiment.stopTime)
-    assert (fmu.guid, fmu.tool, fmu.fmi_version) == (said.guid, said.generationTool, "2.0")
+    assert fmu.stop_time == float(texts.defaultExperiment.stopTime)
+    assert (fmu.guid, fmu.tool, fmu.fmi_version) == (texts.guid, texts.generationTool, "2.0")
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_settable_variables_can_be_set_and_others_cannot(model: str, fmu_folder: Path) -> None:
     path = fmu_path(model, "native", fmu_folder)
-    found = ec.info(path)
+    content = ec.info(path)
     with ec.load(path).prepare() as simulation:
-        values = {v.name: v.start for v in found.variables if v.settable}
+        values = {v.name: v.start for v in content.variables if v.settable}
         assert values
         simulation.start(set=values)
-        for variable in found.variables:
+        for variable in content.variables:
             if not variable.settable:
                 with pytest.raises(CommandError, match="cannot be set"):
                     simulation.start(set={variable.name: 1.0 if variable.start is None else variable.start})
@@ -76,8 +76,8 @@ def test_start_values_are_those_of_a_run(study: ec.Info, fmu_folder: Path) -> No
     with ec.load("study", fmus=fmu_folder, set=changed).prepare() as simulation:
         parameters = simulation.run(stop_time=1e-3).parameters
     numbers = [v for v in study.variables if v.causality == "parameter" and v.type != "String"]
-    told = {v.name: v.start for v in numbers}
-    assert told == parameters
+    start_values = {v.name: v.start for v in numbers}
+    assert start_values == parameters
     assert (study["lift.plant.motor.R_s"].start, study["lift.plant.motor.R_s"].default) == (0.2, 0.14)
     assert study["lift.plant.use_commanded_current"].start is False
 
@@ -94,9 +94,11 @@ def test_connections_are_listed_at_both_ends(study: ec.Info, fmu_folder: Path) -
 
 def test_replaced_component_keeps_names_and_units(foreign_plant: Path, fmu_folder: Path) -> None:
     replacement = ec.Replacement(foreign_plant, FOREIGN_PLANT / "ForeignPlant.ssm")
-    found = ec.info("lift", fmus=fmu_folder, replace={"lift.plant": replacement})
+    content = ec.info("lift", fmus=fmu_folder, replace={"lift.plant": replacement})
     ours = ec.info("lift", fmus=fmu_folder)
-    renamed = [v for v in found.variables if v.component == "lift.plant" and not v.name.endswith(v.fmu_name)]
+    renamed = [
+        v for v in content.variables if v.component == "lift.plant" and not v.name.endswith(v.fmu_name)
+    ]
     assert renamed
     for variable in renamed:
         assert variable.unit == ours[variable.name].unit
@@ -108,9 +110,9 @@ def test_replaced_component_keeps_names_and_units(foreign_plant: Path, fmu_folde
 
 
 def test_options_apply(fmu_folder: Path) -> None:
-    found = ec.info("lift", controller="foc", fmus=fmu_folder, stop_time=2.0)
-    assert {c.model for c in found.components if c.name == "lift.controller"} == {"FocController"}
-    assert found.stop_time == 2.0
+    content = ec.info("lift", controller="foc", fmus=fmu_folder, stop_time=2.0)
+    assert {c.model for c in content.components if c.name == "lift.controller"} == {"FocController"}
+    assert content.stop_time == 2.0
     with pytest.raises(CommandError, match="out of range"):
         ec.info("lift", set={"lift.plant.motor.R_s": -1.0}, fmus=fmu_folder)
 
@@ -123,10 +125,10 @@ def test_names_are_unique_and_elements_of_arrays_share_rows(fmu_folder: Path) ->
 
 def test_package_has_the_variables_of_its_scenario(fmu_folder: Path, tmp_path: Path) -> None:
     scenario = ec.load("lift", fmus=fmu_folder, set={"lift.plant.motor.R_s": 0.3})
-    found, whole = ec.info(scenario.export(tmp_path / "x.ssp")), ec.info("lift", fmus=fmu_folder)
-    assert {v.name for v in found.variables} == {v.name for v in whole.variables}
-    assert found["lift.plant.motor.R_s"].start == 0.3
-    assert all(fmu.path.startswith("x.ssp/") for fmu in found.fmus)
+    content, of_scenario = ec.info(scenario.export(tmp_path / "x.ssp")), ec.info("lift", fmus=fmu_folder)
+    assert {v.name for v in content.variables} == {v.name for v in of_scenario.variables}
+    assert content["lift.plant.motor.R_s"].start == 0.3
+    assert all(fmu.path.startswith("x.ssp/") for fmu in content.fmus)
 
 
 @pytest.mark.parametrize(
@@ -173,8 +175,8 @@ def test_json_has_the_documented_fields(study: ec.Info, tmp_path: Path) -> None:
     page = (ROOT / "docs" / "info.md").read_text(encoding="utf-8")
     for part, names in FIELDS.items():
         assert all(f'"{name}"' in page for name in names.split())
-        for one in read[part] if part else []:
-            assert list(one) == names.split()
+        for entry in read[part] if part else []:
+            assert list(entry) == names.split()
     assert read["variables"][40] == json.loads(json.dumps(asdict(study.variables[40])))
 
 
@@ -190,10 +192,10 @@ def test_data_frame_has_a_row_per_variable(study: ec.Info) -> None:
 def test_broken_fmu_is_described_or_refused(broken: Broken, tmp_path: Path) -> None:
     path = broken.build(tmp_path)
     try:
-        found = ec.info(path)
+        content = ec.info(path)
     except CommandError as error:
         assert "\n" not in str(error)
         assert str(path) in str(error)
     else:
-        assert found.variables
-        json.loads(found.as_json())
+        assert content.variables
+        json.loads(content.as_json())

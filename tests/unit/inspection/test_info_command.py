@@ -35,16 +35,16 @@ def fmu(path: Path, content: bytes) -> Path:
 
 
 def test_piped_table_has_full_names(emla: Emla) -> None:
-    shown = emla("info", "lift", "--match", "*.R_s", "--set", "lift.plant.motor.R_s=0.2").stdout
-    [row] = [line for line in shown.splitlines() if line.lstrip().startswith("+   lift.plant.motor.R_s ")]
-    told = "+ lift.plant.motor.R_s parameter 0.2 Ohm (FMU: 0.14) >= 0 Stator resistance per phase"
-    assert " ".join(row.split()) == told
-    assert "--set 'lift.plant.motor.R_s=0.2'" in shown
+    output = emla("info", "lift", "--match", "*.R_s", "--set", "lift.plant.motor.R_s=0.2").stdout
+    [row] = [line for line in output.splitlines() if line.lstrip().startswith("+   lift.plant.motor.R_s ")]
+    expected = "+ lift.plant.motor.R_s parameter 0.2 Ohm (FMU: 0.14) >= 0 Stator resistance per phase"
+    assert " ".join(row.split()) == expected
+    assert "--set 'lift.plant.motor.R_s=0.2'" in output
 
 
 def test_every_variable_has_a_row(emla: Emla) -> None:
-    shown = emla("info", "lift").stdout
-    assert "15 more" not in shown and "…" not in shown
+    output = emla("info", "lift").stdout
+    assert "15 more" not in output and "…" not in output
     for row in (
         "lift.reference.waypoint[1..9]",
         "from lift.controller.u_q",
@@ -52,7 +52,7 @@ def test_every_variable_has_a_row(emla: Emla) -> None:
         "5 components of 5 FMUs",
         "Runs from 0 to 10 s in steps of 0.0001 s.",
     ):
-        assert row in shown
+        assert row in output
 
 
 @pytest.mark.parametrize("columns", [40, 80])
@@ -60,11 +60,11 @@ def test_narrow_terminal_shows_full_names(columns: int, emla: Emla, monkeypatch:
     console = Console(force_terminal=True, width=columns, color_system=None)
     for module in (terminal, command):
         monkeypatch.setattr(module, "OUT", console)
-    shown = emla("info", "lift", "--match", "*.inverter.delay_in_steps_of_at_most_32").stdout
-    assert "…" not in shown
-    cells = (line[5 : 5 + columns * 2 // 5].partition("  ")[0].strip() for line in shown.splitlines())
+    output = emla("info", "lift", "--match", "*.inverter.delay_in_steps_of_at_most_32").stdout
+    assert "…" not in output
+    cells = (line[5 : 5 + columns * 2 // 5].partition("  ")[0].strip() for line in output.splitlines())
     assert "inverter.delay_in_steps_of_at_most_32" in "".join(cells)
-    assert max(len(line) for line in shown.splitlines() if "─" in line) <= columns
+    assert max(len(line) for line in output.splitlines() if "─" in line) <= columns
 
 
 @pytest.mark.parametrize("content", ['system = "lift"\n', "[1, 2]", '{"format": "other"}', "\x00"])
@@ -76,11 +76,11 @@ def test_other_files_are_not_replaced(emla: Emla, content: str) -> None:
 
 
 def test_json_to_standard_output_or_a_file(emla: Emla) -> None:
-    shown = json.loads(emla("info", "lift", "--match", "*.R_s", "--json").stdout)
-    assert [v["name"] for v in shown["variables"]] == ["lift.plant.motor.R_s", "lift.controller.model.R_s"]
+    content = json.loads(emla("info", "lift", "--match", "*.R_s", "--json").stdout)
+    assert [v["name"] for v in content["variables"]] == ["lift.plant.motor.R_s", "lift.controller.model.R_s"]
     for _ in range(2):
         assert emla("info", "lift", "--match", "*.R_s", "--json", "x.json").stdout == ""
-    assert json.loads(Path("x.json").read_text(encoding="ascii")) == shown
+    assert json.loads(Path("x.json").read_text(encoding="ascii")) == content
 
 
 def test_input_files_are_not_overwritten(emla: Emla) -> None:
@@ -89,29 +89,29 @@ def test_input_files_are_not_overwritten(emla: Emla) -> None:
     path = fmu(Path("x.fmu"), description(real("a")))
     assert "the JSON file" in sentence(emla("info", "x.fmu", "--json", "x.fmu"), 2)
     assert path.read_bytes().startswith(b"PK")
-    for told in (("lift", "--parameters", "x.csv"), ("x.toml",)):
-        assert "'x.csv' is also the parameter set" in sentence(emla("info", *told, "--json", "x.csv"), 2)
+    for arguments in (("lift", "--parameters", "x.csv"), ("x.toml",)):
+        assert "'x.csv' is also the parameter set" in sentence(emla("info", *arguments, "--json", "x.csv"), 2)
 
 
 def test_names_are_neither_markup_nor_control_codes(emla: Emla, tmp_path: Path) -> None:
     text = real("[bold]a[/]:warning:&#x202e;b", more='description="[link=x]y&#x9b;31m[/link]"')
     path = fmu(tmp_path / "[red]x.fmu", description(text, more='description="[/]&#x85; :bomb:"'))
-    shown = emla("info", str(path)).stdout
-    assert r"M.[bold]a[/]:warning:\u202eb" in shown
-    assert r"[link=x]y\x9b31m[/link]" in shown
-    assert r"M: [/]" in shown
-    assert not set("\x1b\x9b\u202e\x85") & set(shown)
-    told = emla("info", str(path), "--json").stdout
-    assert told.isascii()
-    assert json.loads(told)["variables"][0]["fmu_name"] == "[bold]a[/]:warning:\u202eb"
+    output = emla("info", str(path)).stdout
+    assert r"M.[bold]a[/]:warning:\u202eb" in output
+    assert r"[link=x]y\x9b31m[/link]" in output
+    assert r"M: [/]" in output
+    assert not set("\x1b\x9b\u202e\x85") & set(output)
+    json_text = emla("info", str(path), "--json").stdout
+    assert json_text.isascii()
+    assert json.loads(json_text)["variables"][0]["fmu_name"] == "[bold]a[/]:warning:\u202eb"
 
 
 @pytest.mark.slow
 def test_ten_thousand_variables(emla: Emla, tmp_path: Path) -> None:
     many = "".join(real(f"v{i}.x", i) for i in range(10_000))
     path = fmu(tmp_path / "x.fmu", description(many))
-    shown = emla("info", str(path)).stdout
-    assert "The first 1000 rows of 10000 variables" in shown
+    output = emla("info", str(path)).stdout
+    assert "The first 1000 rows of 10000 variables" in output
     assert "M.v9999.x" in emla("info", str(path), "--match", "v9999.*").stdout
 
 
@@ -128,11 +128,11 @@ def test_ten_thousand_variables(emla: Emla, tmp_path: Path) -> None:
 )
 def test_fmu_that_cannot_run_is_described(content: bytes, reason: str, emla: Emla, tmp_path: Path) -> None:
     path = fmu(tmp_path / "x.fmu", content)
-    done = emla("info", str(path))
-    assert done.exit_code == 0, done.output
-    assert reason in done.stdout
-    assert "M.a" in done.stdout
-    assert "+ M.a" not in done.stdout
+    result = emla("info", str(path))
+    assert result.exit_code == 0, result.output
+    assert reason in result.stdout
+    assert "M.a" in result.stdout
+    assert "+ M.a" not in result.stdout
     assert sentence(emla("info", str(path), "--set", "M.a=1"), 2)
 
 
@@ -163,8 +163,8 @@ def test_unreadable_terminals_are_reported(
         archive.writestr("modelDescription.xml", description(real("x")))
         archive.writestr("terminalsAndIcons/terminalsAndIcons.xml", content)
     path.write_bytes(path.read_bytes().replace(*damage))
-    told = json.loads(emla("info", str(path), "--json").stdout)
-    assert told["fmus"][0]["terminals"] == [] and any(words in note for note in told["notes"])
+    info = json.loads(emla("info", str(path), "--json").stdout)
+    assert info["fmus"][0]["terminals"] == [] and any(words in note for note in info["notes"])
     assert words in " ".join(emla("info", str(path)).stdout.split())
 
 
@@ -191,19 +191,19 @@ def test_fmi_3_types_sizes_clocks_and_terminals(kind: str, emla: Emla, tmp_path:
     files = {"modelDescription.xml": text, "terminalsAndIcons/terminalsAndIcons.xml": TERMINALS}
     path = str(tmp_path / "x.fmu")
     write_archive(Path(path), {name: content.encode() for name, content in files.items()})
-    shown = " ".join(emla("info", path).stdout.split())
+    message = " ".join(emla("info", path).stdout.split())
     for row in (
         "terminals outer, outer.inner",
         "M.tick triggered Clock input",
         "M.count Int8 output at tick",
     ):
-        assert row in shown
-    assert ("M.u[1..3] Float32 input" in shown) is runs and ("M.u Float32 [3] input" in shown) is not runs
-    assert ("cannot be run here" in shown) is not runs
-    told = json.loads(emla("info", path, "--json").stdout)
-    assert told["fmus"][0]["capabilities"] == {kind: ["hasEventMode"] if runs else []}
-    assert told["fmus"][0]["terminals"] == ["outer", "outer.inner"]
-    rows = {v["fmu_name"]: v for v in told["variables"]}
+        assert row in message
+    assert ("M.u[1..3] Float32 input" in message) is runs and ("M.u Float32 [3] input" in message) is not runs
+    assert ("cannot be run here" in message) is not runs
+    info = json.loads(emla("info", path, "--json").stdout)
+    assert info["fmus"][0]["capabilities"] == {kind: ["hasEventMode"] if runs else []}
+    assert info["fmus"][0]["terminals"] == ["outer", "outer.inner"]
+    rows = {v["fmu_name"]: v for v in info["variables"]}
     assert (rows["count"]["clocks"], rows["count"]["data_type"]) == (["tick"], "Int8")
     assert (rows["tick"]["interval_variability"], rows["tick"]["settable"]) == ("triggered", False)
 
@@ -229,11 +229,11 @@ m = 300.0
 
 def test_mechanics_of_a_machine_without_joints_are_shown(emla: Emla) -> None:
     Path("boom.toml").write_text(MACHINE)
-    shown = " ".join(emla("info", "boom.toml", "--pictures", "drawn").stdout.split())
-    assert "Machine in the plane with 1 degree of freedom Payload 300 kg at boom.end" in shown
-    assert "boom ram triangle" in shown
-    assert "boom.end.x 2" in shown
-    assert "only the mechanics are shown" in shown
+    message = " ".join(emla("info", "boom.toml", "--pictures", "drawn").stdout.split())
+    assert "Machine in the plane with 1 degree of freedom Payload 300 kg at boom.end" in message
+    assert "boom ram triangle" in message
+    assert "boom.end.x 2" in message
+    assert "only the mechanics are shown" in message
     assert {path.name for path in Path("drawn").iterdir()} == {"machine.png", "forces.png", "levers.png"}
     content = json.loads(emla("info", "boom.toml", "--json").stdout)
     assert content["machine"]["actuators"][0]["stroke"] == [0.0, 0.35]

@@ -115,8 +115,10 @@ def test_all_rows_are_stored_in_order(seed: int) -> None:
     assert table.threads - {threading.current_thread().name}
 
 
-def make_outline(every: int = 1) -> Outline:
-    return Outline(["a", "b"], [None, None], make_communication_points(1000.0, 1.0), range(2), every=every)
+def make_outline(steps_per_row: int = 1) -> Outline:
+    return Outline(
+        ["a", "b"], [None, None], make_communication_points(1000.0, 1.0), range(2), every=steps_per_row
+    )
 
 
 def random_rows(count: int) -> np.ndarray:
@@ -127,11 +129,11 @@ def random_rows(count: int) -> np.ndarray:
 
 def test_checkpoint_waits_for_rows_on_the_disk(tmp_path: Path) -> None:
     """A run that continues there leaves the same file, however slow the disk is."""
-    rows, found, every = random_rows(100), [], 3
+    rows, actual, steps_per_row = random_rows(100), [], 3
     for cuts in ([], [10, 50], [7, 8, 9, 64]):
-        path = tmp_path / f"{len(found)}.csv"
+        path = tmp_path / f"{len(actual)}.csv"
         file: Any = CsvFile(path)
-        outline = make_outline(every)
+        outline = make_outline(steps_per_row)
         file.begin(outline)
         for block, following in zip(np.split(rows, cuts), [*cuts, None], strict=True):
             file.write(block)
@@ -139,15 +141,15 @@ def test_checkpoint_waits_for_rows_on_the_disk(tmp_path: Path) -> None:
                 break
             memory = file.memory()
             assert path.stat().st_size == memory["bytes"]
-            assert len(polars.read_csv(path)) == -(-following // every)
+            assert len(polars.read_csv(path)) == -(-following // steps_per_row)
             with path.open("ab") as stream:
                 stream.write(b"rows after the checkpoint\n")
             file = CsvFile(path)
             file.begin(outline, memory)
         assert file.read(["b"])["b"][0] == rows[0, 2]  # also rows that wait
         file.end()
-        found.append(path.read_bytes())
-    assert found[0] == found[1] == found[2]
+        actual.append(path.read_bytes())
+    assert actual[0] == actual[1] == actual[2]
 
 
 @pytest.mark.parametrize(("kind", "name"), [(CsvFile, "r.csv"), (ParquetFile, "r.parquet")])
@@ -170,6 +172,6 @@ def test_full_disk_ends_a_run_with_the_rows_that_fit(fmu_folder: Path, tmp_path:
             result = simulation.attempt(recorders=[CsvFile(tmp_path / "r.csv")], fresh=True)
     assert result.problem is not None
     assert result.problem.endswith("r.csv cannot be written: File too large.")
-    whole, kept = (tmp_path / "whole.csv").read_bytes(), (tmp_path / "r.csv").read_bytes()
-    assert whole.startswith(kept)
-    assert kept.endswith(b"\n") and size - 2000 < len(kept) <= size
+    full_table, stored_rows = (tmp_path / "whole.csv").read_bytes(), (tmp_path / "r.csv").read_bytes()
+    assert full_table.startswith(stored_rows)
+    assert stored_rows.endswith(b"\n") and size - 2000 < len(stored_rows) <= size

@@ -19,8 +19,8 @@ REFERENCE = np.array([0.0, 0.5, 1.0]), np.array([0.0, 1.0, 2.0])
     (np.roll(STAIRS, 2), True, False),  # two steps late
 ])  # fmt: skip
 def test_references_hold_or_are_linear(values: np.ndarray, is_held: bool, agrees: bool) -> None:
-    found = compare_signal("n", "", TIMES, values, *REFERENCE, Tolerance(), is_held)
-    assert (found.left_at is None) == agrees
+    actual = compare_signal("n", "", TIMES, values, *REFERENCE, Tolerance(), is_held)
+    assert (actual.left_at is None) == agrees
 
 
 def test_doubled_rows_of_a_held_reference_change_nothing() -> None:

@@ -56,7 +56,7 @@ def test_leftovers_of_a_killed_run_are_removed(emla: Emla, tmp_path: Path) -> No
 
 def test_files_are_synced_before_they_are_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     synced: set[int] = set()
-    named: list[str] = []
+    renamed: list[str] = []
     sync, replace = os.fsync, Path.replace
 
     def fsync(handle: int) -> None:
@@ -66,14 +66,14 @@ def test_files_are_synced_before_they_are_renamed(tmp_path: Path, monkeypatch: p
 
     def replaced(path: Path, target: Any) -> Path:
         assert path.stat().st_ino in synced, f"{target} is not on disk"
-        named.append(Path(target).name)
+        renamed.append(Path(target).name)
         return replace(path, target)
 
     monkeypatch.setattr(fmublock.files.os, "fsync", fsync)
     monkeypatch.setattr(Path, "replace", replaced)
     file = begun(tmp_path)
     file.end()
-    assert list(named) == ["000000.parquet", "results.parquet"]
+    assert list(renamed) == ["000000.parquet", "results.parquet"]
     assert len(polars.read_parquet(tmp_path / "results.parquet")) == 20
     assert {p.name for p in tmp_path.iterdir()} == {"results.parquet"}
     assert stat.S_IMODE((tmp_path / "results.parquet").stat().st_mode) & 0o400
@@ -90,6 +90,6 @@ def test_full_disk_keeps_the_parts(tmp_path: Path) -> None:
         file.write(np.zeros((20, 3)))
         with pytest.raises(OSError, match="File too large"):
             file.memory()
-    left = {p.name: p.read_bytes() for p in (tmp_path / "results.parquet.parts").iterdir()}
-    assert left == parts
+    remaining_parts = {p.name: p.read_bytes() for p in (tmp_path / "results.parquet.parts").iterdir()}
+    assert remaining_parts == parts
     assert {p.name for p in tmp_path.iterdir()} == {"results.parquet.parts"}

@@ -15,9 +15,11 @@ from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.row_buffer import BLOCK_ROWS, BLOCK_SIZE, RowBuffer
 
 
-def outline(names: list[str], every: int = 1) -> Outline:
+def make_outline(names: list[str], steps_per_row: int = 1) -> Outline:
     """All of these signals, of every n-th row."""
-    return Outline(names, [None] * len(names), make_communication_points(1.0, 0.1), range(len(names)), every)
+    return Outline(
+        names, [None] * len(names), make_communication_points(1.0, 0.1), range(len(names)), steps_per_row
+    )
 
 
 def in_blocks(rows: np.ndarray, sizes: list[int]) -> list[np.ndarray]:
@@ -42,14 +44,14 @@ def test_csv_has_every_nth_row_and_the_last_for_any_blocks(
     rows = np.random.default_rng(count).normal(size=(count, 3)) * 10.0 ** np.arange(-200, 201, 200)
     rows[:, 0] = np.arange(count)
     file = CsvFile(path)
-    file.begin(outline(["a.b", "c"], every))
+    file.begin(make_outline(["a.b", "c"], every))
     for block in in_blocks(rows, sizes):
         file.write(block)
     file.end()
     expected = rows[sorted({*range(0, count, every), count - 1})]
-    found = open_stored_run(path).read(["time", "a.b", "c", "missing"])
-    assert list(found) == ["time", "a.b", "c"]
-    assert np.array_equal(np.column_stack(list(found.values())), expected)  # every bit comes back
+    actual = open_stored_run(path).read(["time", "a.b", "c", "missing"])
+    assert list(actual) == ["time", "a.b", "c"]
+    assert np.array_equal(np.column_stack(list(actual.values())), expected)  # every bit comes back
 
 
 @pytest.mark.parametrize("most", [1, 2, 10])
@@ -59,15 +61,15 @@ def test_number_of_rows_read_is_bounded(form: type[CsvFile | ParquetFile], most:
     for count in (1, most, most + 1, 2 * most - 1, 2 * most, 2 * most + 1, 7 * most + 3):
         table = form(tmp_path / f"r{count}.{form.__name__[:-4].lower()}")
         time = 0.5 + np.arange(count)
-        table.begin(outline(["x"]))
+        table.begin(make_outline(["x"]))
         for rows in in_blocks(np.column_stack([time, 2.0 * time]), [4, 7]):
             table.write(rows)
         table.end()
         for source in (table, open_stored_run(table.path)):
-            found = source.read(["time", "x"], most)
-            assert min(count, most) / 2 <= len(found["time"]) <= most, count
-            assert found["time"][0] == 0.5 and (found["x"] == 2.0 * found["time"]).all()
-            assert len(set(np.diff(found["time"]))) <= 1
+            actual = source.read(["time", "x"], most)
+            assert min(count, most) / 2 <= len(actual["time"]) <= most, count
+            assert actual["time"][0] == 0.5 and (actual["x"] == 2.0 * actual["time"]).all()
+            assert len(set(np.diff(actual["time"]))) <= 1
 
 
 @pytest.mark.parametrize("width", [1, 1000, 20_000, BLOCK_SIZE // 8 + 1])

@@ -62,9 +62,9 @@ def test_another_process_finds_all_rows_that_are_not_stored(
             row[:] = count
             count += 1
             activity.rows += 1
-            first, found = read_rows(files[0].path, WIDTH, activity.rows)
-            assert first <= table.stored and first + len(found) == count
-            assert found[:, 0].tolist() == found[:, 1].tolist() == list(range(first, count))
+            first, actual = read_rows(files[0].path, WIDTH, activity.rows)
+            assert first <= table.stored and first + len(actual) == count
+            assert actual[:, 0].tolist() == actual[:, 1].tolist() == list(range(first, count))
         buffer.commit(len(rows))
         assert activity.rows == count
         if random.random() < 0.2:

@@ -26,17 +26,19 @@ def outline(count: int, recorded: Sequence[int]) -> Outline:
     )
 
 
-def taken(rows: np.ndarray, sizes: Sequence[int], recorded: Sequence[int]) -> dict[str, dict[str, float]]:
+def compute_metrics(
+    rows: np.ndarray, sizes: Sequence[int], recorded: Sequence[int]
+) -> dict[str, dict[str, float]]:
     """The metrics of rows that come in blocks of these sizes, each to another one that goes on."""
     about = outline(rows.shape[1] - 1, recorded)
-    memory, at = None, 0
+    state, at = None, 0
     for size in (*sizes, len(rows)):
-        found = SignalFigures(about, memory)
+        recorder = SignalFigures(about, state)
         if at < len(rows):
-            found.write(rows[at : at + size])
+            recorder.write(rows[at : at + size])
         at += size
-        memory = json.loads(json.dumps(found.memory()))
-    return SignalFigures(about, memory).figures()
+        state = json.loads(json.dumps(recorder.memory()))
+    return SignalFigures(about, state).figures()
 
 
 def rms(values: np.ndarray) -> float:
@@ -53,11 +55,11 @@ def test_metrics_equal_those_of_numpy(data: st.DataObject, signals: int, sizes: 
     row = st.lists(numbers, min_size=signals, max_size=signals)
     values = np.array(data.draw(st.lists(row, min_size=1, max_size=60)))
     rows = np.column_stack((np.arange(len(values)) * 0.1, values))
-    chosen = sorted(data.draw(st.sets(st.integers(0, signals - 1), min_size=1)))
-    found = taken(rows, sizes, chosen)
-    assert list(found) == [f"a.x{i}" for i in chosen]
-    for i in chosen:
-        figures = found[f"a.x{i}"]
+    recorded = sorted(data.draw(st.sets(st.integers(0, signals - 1), min_size=1)))
+    actual = compute_metrics(rows, sizes, recorded)
+    assert list(actual) == [f"a.x{i}" for i in recorded]
+    for i in recorded:
+        figures = actual[f"a.x{i}"]
         for name, right in FIGURES.items():
             np.testing.assert_equal(figures[name], right(values[:, i]))
         with np.errstate(all="ignore"):
@@ -67,10 +69,10 @@ def test_metrics_equal_those_of_numpy(data: st.DataObject, signals: int, sizes: 
 @pytest.mark.parametrize("signals", [1, 30, 999, 1500])
 def test_rows_of_any_width_count_once(signals: int) -> None:
     rows = np.random.default_rng(signals).normal(size=(217, 1 + signals))
-    found = taken(rows, [100], range(signals))
+    actual = compute_metrics(rows, [100], range(signals))
     for i in (0, signals - 1):
-        assert found[f"a.x{i}"]["rms"] == pytest.approx(rms(rows[:, 1 + i]), rel=1e-13)
-        assert found[f"a.x{i}"]["minimum"] == rows[:, 1 + i].min()
+        assert actual[f"a.x{i}"]["rms"] == pytest.approx(rms(rows[:, 1 + i]), rel=1e-13)
+        assert actual[f"a.x{i}"]["minimum"] == rows[:, 1 + i].min()
 
 
 def test_metrics_are_nan_before_the_first_row() -> None:
@@ -80,7 +82,7 @@ def test_metrics_are_nan_before_the_first_row() -> None:
 
 def test_metrics_use_every_communication_point(fmu_folder: Path, tmp_path: Path) -> None:
     with ec.load("lift").prepare(fmus=fmu_folder, stop_time=0.05, output_interval=0.01) as simulation:
-        every = simulation.run(output_interval=1e-4)
+        sparse_run = simulation.run(output_interval=1e-4)
         result = simulation.run(signals=["lift.plant.*"], require=["lift.plant.x_L.maximum < 0.25"])
         with pytest.raises(ec.RunError, match=r"lift.plant.x_L.maximum < 0.24, but it is 0.24"):
             simulation.run(require=["lift.plant.x_L.maximum < 0.24"])
@@ -88,12 +90,12 @@ def test_metrics_use_every_communication_point(fmu_folder: Path, tmp_path: Path)
             simulation.run(require=["lift.plant.x_L.maxmum < 0.24"])
     assert list(result.signals) == result.names and len(result.time) == 6
     for name, figures in result.signals.items():
-        values = every[name]
+        values = sparse_run[name]
         right = (values.min(), values.max(), rms(values), values[-1])
         assert [figures[n] for n in NAMES] == pytest.approx(right, rel=1e-12, abs=0), name
     result.save(tmp_path, plots=False)
-    kept = json.loads((tmp_path / "metrics.json").read_text())
-    assert kept["signals"] == result.signals and list(kept) == ["joints", "coupling", "signals", "run"]
+    content = json.loads((tmp_path / "metrics.json").read_text())
+    assert content["signals"] == result.signals and list(content) == ["joints", "coupling", "signals", "run"]
 
 
 @pytest.fixture(scope="module")
@@ -102,12 +104,12 @@ def package(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_system_without_joints_shows_signal_metrics(package: Path, emla: Emla) -> None:
-    wanted = ("--require", "gantry.slide.place.final > 0")
-    result = emla("run", str(package), "--no-plots", "--output", "o", *wanted)
+    requirement = ("--require", "gantry.slide.place.final > 0")
+    result = emla("run", str(package), "--no-plots", "--output", "o", *requirement)
     assert result.exit_code == 0, result.output
     figures = json.loads(Path("o/metrics.json").read_text())["signals"]["gantry.slide.pull"]
-    shown = next(line for line in result.stdout.splitlines() if "gantry.slide.pull" in line)
-    assert [text.strip() for text in shown.strip("│").split("│")] == [
+    output = next(line for line in result.stdout.splitlines() if "gantry.slide.pull" in line)
+    assert [text.strip() for text in output.strip("│").split("│")] == [
         "gantry.slide.pull",
         *(f"{figures[name]:.5g}" for name in NAMES),
         "N",
@@ -118,7 +120,7 @@ def test_system_without_joints_shows_signal_metrics(package: Path, emla: Emla) -
 
 def test_first_of_many_signals_are_shown(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(ec.METRICS, "joints")
-    shown = emla("run", "lift", "--stop-time", "0.01", "--no-plots", "--output", "o").stdout
+    output = emla("run", "lift", "--stop-time", "0.01", "--no-plots", "--output", "o").stdout
     names = list(json.loads(Path("o/metrics.json").read_text())["signals"])
-    assert names[19] in shown and names[20] not in shown
-    assert f"The metrics of {len(names) - 20} more signals are in metrics.json." in shown
+    assert names[19] in output and names[20] not in output
+    assert f"The metrics of {len(names) - 20} more signals are in metrics.json." in output

@@ -39,7 +39,7 @@ def lift(emla: Emla) -> Lift:
     return lambda *options: emla("run", "lift", "--no-plots", *options)
 
 
-def done(result: Result) -> None:
+def check_result(result: Result) -> None:
     assert result.exit_code == 0, result.output
 
 
@@ -47,10 +47,10 @@ def joints(folder: Path) -> Any:
     return json.loads((folder / "metrics.json").read_text())["joints"]
 
 
-def assert_same(found: Path, expected: Path) -> None:
+def assert_same(actual: Path, expected: Path) -> None:
     """Rows and metrics of two folders are the same to the last bit."""
-    assert (found / "results.csv").read_bytes() == (expected / "results.csv").read_bytes()
-    assert joints(found) == joints(expected)
+    assert (actual / "results.csv").read_bytes() == (expected / "results.csv").read_bytes()
+    assert joints(actual) == joints(expected)
 
 
 # ---- continued in the same folder --------------------------------------------------------------
@@ -72,17 +72,17 @@ def test_continued_run_leaves_the_same_bytes(
 ) -> None:
     """In the folder of the first part; tests/backends has other steppers and algorithms."""
     first, second = stops
-    done(lift(*options, "--stop-time", second, "--output", "whole"))
-    done(lift(*options, "--stop-time", first, "--output", "parts", "--checkpoint", "c"))
-    done(lift(*options, "--stop-time", second, "--output", "parts", "--resume", "c"))
+    check_result(lift(*options, "--stop-time", second, "--output", "whole"))
+    check_result(lift(*options, "--stop-time", first, "--output", "parts", "--checkpoint", "c"))
+    check_result(lift(*options, "--stop-time", second, "--output", "parts", "--resume", "c"))
     assert_same(tmp_path / "parts", tmp_path / "whole")
 
 
 def test_run_is_continued_several_times(lift: Lift, tmp_path: Path) -> None:
-    done(lift("--stop-time", "0.05", "--output", "whole"))
-    done(lift("--stop-time", "0.01", "--output", "parts", "--checkpoint", "c"))
+    check_result(lift("--stop-time", "0.05", "--output", "whole"))
+    check_result(lift("--stop-time", "0.01", "--output", "parts", "--checkpoint", "c"))
     for stop in ("0.0123", "0.0345", "0.05"):
-        done(lift("--stop-time", stop, "--output", "parts", "--resume", "c", "--checkpoint", "c"))
+        check_result(lift("--stop-time", stop, "--output", "parts", "--resume", "c", "--checkpoint", "c"))
     assert_same(tmp_path / "parts", tmp_path / "whole")
     assert {p.name for p in tmp_path.iterdir()} == {"whole", "parts", "c"}
 
@@ -108,11 +108,11 @@ def test_another_folder_gets_the_rows_after_the_checkpoint(form: str, lift: Lift
         ("0.02", "other", "--resume", "c"),
         ("0.02", "parts", "--resume", "c"),
     ):
-        done(lift("--stop-time", stop, "--output", output, "--output-format", form, *more))
+        check_result(lift("--stop-time", stop, "--output", output, "--output-format", form, *more))
     read = polars.read_csv if form == "csv" else polars.read_parquet
-    whole, parts, other = (read(f"{f}/results.{form}") for f in ("whole", "parts", "other"))
-    assert parts.equals(whole)
-    assert other.equals(whole.filter(polars.col("time") > 0.0105)) and other["time"][0] == 0.011
+    full_table, parts, other = (read(f"{f}/results.{form}") for f in ("whole", "parts", "other"))
+    assert parts.equals(full_table)
+    assert other.equals(full_table.filter(polars.col("time") > 0.0105)) and other["time"][0] == 0.011
     assert joints(tmp_path / "other") == joints(tmp_path / "whole")
     assert json.loads(Path("other/metrics.json").read_text())["run"]["steps"] == 95
     record = json.loads(Path("other/run.json").read_text())
@@ -121,8 +121,10 @@ def test_another_folder_gets_the_rows_after_the_checkpoint(form: str, lift: Lift
 
 @pytest.mark.parametrize(("first", "second"), [("csv", "parquet"), ("parquet", "csv")])
 def test_rows_after_the_checkpoint_in_another_format(first: str, second: str, lift: Lift) -> None:
-    done(lift("--stop-time", "0.01", "--output", "out", "--output-format", first, "--checkpoint", "c"))
-    done(lift("--stop-time", "0.02", "--output", "out", "--output-format", second, "--resume", "c"))
+    check_result(
+        lift("--stop-time", "0.01", "--output", "out", "--output-format", first, "--checkpoint", "c")
+    )
+    check_result(lift("--stop-time", "0.02", "--output", "out", "--output-format", second, "--resume", "c"))
     tables = polars.read_csv("out/results.csv"), polars.read_parquet("out/results.parquet")
     earlier, later = tables if first == "csv" else tables[::-1]
     assert earlier["time"][-1] == 0.01 and later["time"].to_list() == pytest.approx(np.arange(11, 21) * 1e-3)
@@ -130,19 +132,19 @@ def test_rows_after_the_checkpoint_in_another_format(first: str, second: str, li
 
 def test_results_of_another_run_are_not_continued(lift: Lift, tmp_path: Path) -> None:
     """Another run of the same columns has left its results in the folder."""
-    done(lift("--stop-time", "0.02", "--output", "whole"))
-    done(lift("--stop-time", "0.01", "--output", "parts", "--checkpoint", "c"))
-    done(lift("--stop-time", "0.02", "--output", "parts", "--set", "lift.plant.start.x_L=0.25"))
-    done(lift("--stop-time", "0.02", "--output", "parts", "--resume", "c"))
-    whole, parts = ((tmp_path / x / "results.csv").read_text().splitlines() for x in ("whole", "parts"))
-    assert parts == [whole[0], *whole[-10:]]
+    check_result(lift("--stop-time", "0.02", "--output", "whole"))
+    check_result(lift("--stop-time", "0.01", "--output", "parts", "--checkpoint", "c"))
+    check_result(lift("--stop-time", "0.02", "--output", "parts", "--set", "lift.plant.start.x_L=0.25"))
+    check_result(lift("--stop-time", "0.02", "--output", "parts", "--resume", "c"))
+    full_table, parts = ((tmp_path / x / "results.csv").read_text().splitlines() for x in ("whole", "parts"))
+    assert parts == [full_table[0], *full_table[-10:]]
 
 
 # ---- checkpoints of other runs -----------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
-def made(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def checkpoint_file(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a checkpoint `c` at 0.01 s and the results `out` that belong to it."""
     folder = tmp_path_factory.mktemp("made")
     with ec.load("lift", stop_time=0.01, fmus=fmu_folder).prepare() as simulation:
@@ -159,13 +161,13 @@ def made(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
 )
 def test_checkpoint_of_another_run_is_refused(
-    scenario: str, options: list[str], words: str, made: Path, python_fmu_folder: Path, emla: Emla
+    scenario: str, options: list[str], words: str, checkpoint_file: Path, python_fmu_folder: Path, emla: Emla
 ) -> None:
-    shutil.copytree(made / "out", "out")
-    resume = ("--resume", str(made / "c"), "--stop-time", "0.02", "--output", "out", "--no-plots")
+    shutil.copytree(checkpoint_file / "out", "out")
+    resume = ("--resume", str(checkpoint_file / "c"), "--stop-time", "0.02", "--output", "out", "--no-plots")
     text = sentence(emla("run", scenario, *resume, *options), 2)
-    assert text.startswith(f"Error: the checkpoint '{made / 'c'}' has ") and words in text
-    for file in (made / "out").iterdir():
+    assert text.startswith(f"Error: the checkpoint '{checkpoint_file / 'c'}' has ") and words in text
+    for file in (checkpoint_file / "out").iterdir():
         assert Path("out", file.name).read_bytes() == file.read_bytes()
 
 
@@ -206,8 +208,8 @@ def test_other_wiring_and_order_are_named(faulty_fmu: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("stop", ["0.01", "0.005"])
-def test_stop_time_must_be_after_the_checkpoint(stop: str, made: Path, lift: Lift) -> None:
-    text = sentence(lift("--resume", str(made / "c"), "--stop-time", stop), 2)
+def test_stop_time_must_be_after_the_checkpoint(stop: str, checkpoint_file: Path, lift: Lift) -> None:
+    text = sentence(lift("--resume", str(checkpoint_file / "c"), "--stop-time", stop), 2)
     assert text.endswith(f"is already at t = 0.01 s. Set a stop time later than that; it is {stop} s.")
     assert sentence(lift("--resume", "gone"), 2) == "Error: there is no checkpoint 'gone'."
 
@@ -262,10 +264,10 @@ def test_invalid_checkpoint_files_are_reported(
 @examples(20, 300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(part=st.floats(0.0, 1.0, exclude_max=True), change=st.integers(0, 255))
 def test_changed_byte_is_noticed_or_has_no_effect(
-    part: float, change: int, made: Path, tmp_path: Path
+    part: float, change: int, checkpoint_file: Path, tmp_path: Path
 ) -> None:
     """Where the change is 0 the file ends there."""
-    content = bytearray((made / "c").read_bytes())
+    content = bytearray((checkpoint_file / "c").read_bytes())
     at = int(part * len(content))
     content[at] ^= change
     (tmp_path / "c").write_bytes(content if change else content[:at])
@@ -273,14 +275,14 @@ def test_changed_byte_is_noticed_or_has_no_effect(
         with pytest.raises(CommandError, match="is not a checkpoint, or is damaged"):
             load_checkpoint(tmp_path / "c")
         return
-    good = load_checkpoint(made / "c")
+    good = load_checkpoint(checkpoint_file / "c")
     try:
-        found = load_checkpoint(tmp_path / "c")
+        actual = load_checkpoint(tmp_path / "c")
     except CommandError:
         return
-    assert (found.states, found.notes) == (good.states, good.notes)
-    assert found.memory.keys() == good.memory.keys()
-    assert all(np.array_equal(found.memory[n], good.memory[n]) for n in good.memory)
+    assert (actual.states, actual.notes) == (good.states, good.notes)
+    assert actual.memory.keys() == good.memory.keys()
+    assert all(np.array_equal(actual.memory[n], good.memory[n]) for n in good.memory)
 
 
 # ---- checkpoints that cannot be written --------------------------------------------------------
@@ -301,17 +303,17 @@ def test_unusable_place_is_reported_before_the_run(
 
 
 def test_full_disk_leaves_the_earlier_checkpoint(
-    made: Path, lift: Lift, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    checkpoint_file: Path, lift: Lift, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def save(file: OutputFile, stepping: Stepping, notes: dict[str, Any]) -> None:
         with files_of_at_most(1000):
             save_checkpoint(file, stepping, notes)
 
-    shutil.copy(made / "c", tmp_path / "c")
+    shutil.copy(checkpoint_file / "c", tmp_path / "c")
     monkeypatch.setattr(emla_cosim.recorders.checkpoints, "save_checkpoint", save)
     text = sentence(lift("--stop-time", "0.02", "--output", "out", "--checkpoint", "c"), 1)
     assert "the checkpoint 'c' cannot be written: File too large." in text
-    assert (tmp_path / "c").read_bytes() == (made / "c").read_bytes()
+    assert (tmp_path / "c").read_bytes() == (checkpoint_file / "c").read_bytes()
     assert {p.name for p in tmp_path.iterdir()} == {"c", "out"}
     assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
 
@@ -325,8 +327,8 @@ def test_failed_run_has_the_last_regular_checkpoint(
     result = run_system(system, tmp_path, checkpoint=tmp_path / "c")
     assert result.problem is not None
     assert load_checkpoint(tmp_path / "c").notes["time"] == pytest.approx(0.3)
-    again = run_system(system, tmp_path, resume=tmp_path / "c")
-    assert again.problem == result.problem
+    repeated = run_system(system, tmp_path, resume=tmp_path / "c")
+    assert repeated.problem == result.problem
     assert len((tmp_path / "results.csv").read_text().splitlines()) == 5
 
 
@@ -335,25 +337,25 @@ def test_failed_run_has_the_last_regular_checkpoint(
 ODD: list[Any] = [None, 0, -1, 1e308, "x", [], {}, [[1]], {"a": {"b": []}}, True]
 
 
-def places(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+def list_paths(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
     """Where something stands in nested tables and lists, the outermost first."""
     inner = content.items() if isinstance(content, dict) else ()
     for key, value in inner:
         yield (*path, key)
-        yield from places(value, (*path, key))
+        yield from list_paths(value, (*path, key))
 
 
 @examples(8, 60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_edited_checkpoint_gives_at_most_one_message(
-    data: st.DataObject, made: Path, lift: Lift, tmp_path: Path
+    data: st.DataObject, checkpoint_file: Path, lift: Lift, tmp_path: Path
 ) -> None:
     """Whole files in which one entry of the header, or one array, is another."""
-    with np.load(made / "c") as archive:
+    with np.load(checkpoint_file / "c") as archive:
         arrays = {name: archive[name] for name in archive}
     header = json.loads(arrays["header"].tobytes())
     if data.draw(st.booleans()):
-        path = data.draw(st.sampled_from([p for p in places(header) if p[:2] != ("notes", "identity")]))
+        path = data.draw(st.sampled_from([p for p in list_paths(header) if p[:2] != ("notes", "identity")]))
         inside = header
         for key in path[:-1]:
             inside = inside[key]

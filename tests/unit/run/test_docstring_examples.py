@@ -20,15 +20,15 @@ PACKAGES: list[ModuleType] = [ec, fmublock, emla_fmu, rsba_fmu]
 
 def examples() -> dict[str, doctest.DocTest]:
     """Examples by where they are: in a package, in a public name or in its methods."""
-    finder, found = doctest.DocTestFinder(exclude_empty=True), {}
+    finder, actual = doctest.DocTestFinder(exclude_empty=True), {}
     for package in PACKAGES:
         public = {name: getattr(package, name) for name in package.__all__ if not name.startswith("_")}
         if package is fmublock:
             public |= {name: getattr(package, name) for name in fmublock._LATER}
         parsed = doctest.DocTestParser().get_doctest(package.__doc__ or "", {}, package.__name__, None, None)
         tests = [parsed, *(t for name, one in public.items() for t in finder.find(one, name, globs={}))]
-        found |= {f"{package.__name__}.{t.name}": t for t in tests if t.examples}
-    return found
+        actual |= {f"{package.__name__}.{t.name}": t for t in tests if t.examples}
+    return actual
 
 
 EXAMPLES = examples()

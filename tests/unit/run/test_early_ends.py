@@ -68,13 +68,13 @@ def test_an_fmu_may_end_the_run(ending: Path) -> None:
     """At 0.3 s, in an event: the last complete step ends at 0.2 s."""
     with load_ending(ending, 3.0).prepare() as simulation:
         result = simulation.run()
-        again = simulation.run(set={"B.end": 5.0})
+        repeated = simulation.run(set={"B.end": 5.0})
         assert "requirements not met" in str(simulation.attempt(require=["B.h.final > 1e9"]).problem)
     assert (result.problem, result.end_s, result.record["status"]) == (None, pytest.approx(0.2), "completed")
     assert result.remarks[0].startswith("the run ended at t = 0.2 s: B asked to end the simulation")
     assert result.record["requested_end"] == {"component": "B", "time_s": pytest.approx(0.2)}
     assert len(result.time) == 3
-    assert again.end_s == pytest.approx(0.4)
+    assert repeated.end_s == pytest.approx(0.4)
 
 
 def test_an_fmu_that_ends_before_the_first_row_fails(ending: Path) -> None:
@@ -93,12 +93,12 @@ def test_discarded_steps_that_ask_for_the_end(isolate: bool, faulty_fmu: Path) -
 
 
 def test_the_command_ends_with_0(ending: Path, emla: Emla) -> None:
-    done = emla(
+    result = emla(
         "run", str(ending), "--kind", "me", "--step-size", "0.1", "--stop-time", "1", "--set", "B.end=3",
         "--no-plots", "--output", "o",
     )  # fmt: skip
-    assert done.exit_code == 0
-    assert "asked to end the simulation" in done.output
+    assert result.exit_code == 0
+    assert "asked to end the simulation" in result.output
 
 
 @pytest.mark.slow

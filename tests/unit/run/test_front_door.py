@@ -24,14 +24,14 @@ from tests.support.faulty_systems import faulty, line_with_a_fault
 from tests.support.hand_written_fmus import Fault
 from tests.support.toy import Toy
 
-SHORT = {"stop_time": 0.02}
+SHORT_RUN = {"stop_time": 0.02}
 ORDER = [f"lift.{part}" for part in ("plant", "observer", "controller", "reference", "disturbance")]
 Array = np.ndarray
 
 
 @pytest.fixture(scope="module")
 def lift(fmu_folder: Path) -> Iterator[ec.Simulation]:
-    with ec.load("lift").prepare(fmus=fmu_folder, **SHORT) as simulation:
+    with ec.load("lift").prepare(fmus=fmu_folder, **SHORT_RUN) as simulation:
         yield simulation
 
 
@@ -68,7 +68,7 @@ def test_runs_do_not_affect_one_another(lift: ec.Simulation) -> None:
 
 
 def test_run_in_parts_has_the_same_rows(lift: ec.Simulation) -> None:
-    whole = lift.run()
+    full_run = lift.run()
     lift.start()
     lift.advance(0.004)
     assert lift.time == pytest.approx(0.004, abs=1e-9)
@@ -76,7 +76,7 @@ def test_run_in_parts_has_the_same_rows(lift: ec.Simulation) -> None:
     middle = lift["lift.plant.x_L"]
     lift.advance(0.02)
     parts = lift.finish()
-    assert rows(parts) == rows(whole)
+    assert rows(parts) == rows(full_run)
     assert middle == parts["lift.plant.x_L"][parts.time == 0.004][0]
 
 
@@ -86,12 +86,12 @@ def test_many_runs_leave_no_files_and_take_no_memory(
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with ec.load("lift").prepare(fmus=fmu_folder, stop_time=0.05) as simulation:
         simulation.run()
-        before, memory = set(tmp_path.iterdir()), list[int]()
+        before, memory_sizes = set(tmp_path.iterdir()), list[int]()
         for resistance in np.linspace(0.1, 0.2, 40):
             simulation.run(set={"lift.plant.motor.R_s": resistance})
-            memory.append(psutil.Process().memory_info().rss)
+            memory_sizes.append(psutil.Process().memory_info().rss)
         assert set(tmp_path.iterdir()) == before
-    assert max(memory[20:]) - memory[19] < 2**20
+    assert max(memory_sizes[20:]) - memory_sizes[19] < 2**20
 
 
 def test_saved_result_has_the_files_of_the_command(fmu_folder: Path, emla: Emla, tmp_path: Path) -> None:
@@ -99,11 +99,11 @@ def test_saved_result_has_the_files_of_the_command(fmu_folder: Path, emla: Emla,
     assert emla("run", "lift", "--stop-time", "0.4", "--threads", "1").exit_code == 0
     with ec.load("lift").prepare(fmus=fmu_folder, stop_time=0.4) as simulation:
         pictures = simulation.run(threads=1).save(tmp_path / "mine")
-    theirs = tmp_path / "results/lift"
-    assert {p.name for p in (tmp_path / "mine").iterdir()} == {p.name for p in theirs.iterdir()}
-    assert {p.name for p in pictures} == {p.name for p in theirs.glob("*.png")}
-    assert (tmp_path / "mine/results.csv").read_bytes() == (theirs / "results.csv").read_bytes()
-    ours, record = (json.loads((f / "run.json").read_text()) for f in (tmp_path / "mine", theirs))
+    command_folder = tmp_path / "results/lift"
+    assert {p.name for p in (tmp_path / "mine").iterdir()} == {p.name for p in command_folder.iterdir()}
+    assert {p.name for p in pictures} == {p.name for p in command_folder.glob("*.png")}
+    assert (tmp_path / "mine/results.csv").read_bytes() == (command_folder / "results.csv").read_bytes()
+    ours, record = (json.loads((f / "run.json").read_text()) for f in (tmp_path / "mine", command_folder))
     assert ours == record
     assert record["units"]["lift.plant.tau_m"] == "N.m"
 
@@ -111,9 +111,9 @@ def test_saved_result_has_the_files_of_the_command(fmu_folder: Path, emla: Emla,
 def test_signal_that_was_not_recorded_is_named(lift: ec.Simulation) -> None:
     result = lift.run(signals=["lift.plant.*"])
     assert result.names and all(n.startswith("lift.plant.") for n in result.names)
-    with pytest.raises(ec.CommandError, match=r"'lift\.plant\.xL' was not recorded; did you mean") as found:
+    with pytest.raises(ec.CommandError, match=r"'lift\.plant\.xL' was not recorded; did you mean") as caught:
         result["lift.plant.xL"]
-    assert found.value.fields["near"][0] == "lift.plant.x_L"
+    assert caught.value.fields["near"][0] == "lift.plant.x_L"
     with pytest.raises(ec.CommandError, match=r"the signal 'lift\.x' was not recorded"):
         result.plot("lift.x")
     with pytest.raises(ec.CommandError, match="has no table"):
@@ -239,10 +239,10 @@ def test_values_between_steps_are_in_the_units_of_the_system(faulty_fmu: Path) -
         simulation["j.a.drive"] = 1500.0
         assert simulation["j.a.drive"] == pytest.approx(1500.0)
         simulation.advance(0.5)
-        place = simulation["j.a.place"]
+        position = simulation["j.a.place"]
         result = simulation.finish()
-    assert place == pytest.approx(result["j.a.place"][-1])
-    assert to_m(place) == pytest.approx(0.5 * 2.0)  # the FMU integrates 2 m
+    assert position == pytest.approx(result["j.a.place"][-1])
+    assert to_m(position) == pytest.approx(0.5 * 2.0)  # the FMU integrates 2 m
 
 
 @pytest.mark.parametrize(
@@ -271,17 +271,17 @@ class Interrupting(ec.Recorder):
     """Presses Ctrl-C after the first steps, every time or once."""
 
     def __init__(self, once: bool = False) -> None:
-        self.left = 1 if once else 10**9
+        self.remaining = 1 if once else 10**9
 
     def pause(self, run: Any) -> None:
-        if run.stepping.steps > 0 and not run.over and self.left:
-            self.left -= 1
+        if run.stepping.steps > 0 and not run.over and self.remaining:
+            self.remaining -= 1
             signal.raise_signal(signal.SIGINT)
 
 
 def test_ctrl_c_returns_the_results_so_far(lift: ec.Simulation) -> None:
-    kept = ec.TimeSeries()
-    result = lift.run(stop_time=1000.0, recorders=[kept, Interrupting()])
+    series = ec.TimeSeries()
+    result = lift.run(stop_time=1000.0, recorders=[series, Interrupting()])
     assert result.problem is not None
     assert result.problem.startswith("interrupted at t = ")
     assert 0 < result.steps < 10_000_000
@@ -303,9 +303,9 @@ def test_failed_run_raises_with_the_results_so_far(faulty_fmu: Path) -> None:
     system = line_with_a_fault(faulty_fmu, Fault.ERROR, 0.35)
     with ec.load(system, stop_time=1.0, step_size=0.1).prepare(output_interval=0.1) as simulation:
         for _ in range(2):
-            with pytest.raises(ec.RunError, match=r"j\.bad answered doStep at t = 0\.3") as found:
+            with pytest.raises(ec.RunError, match=r"j\.bad answered doStep at t = 0\.3") as caught:
                 simulation.run()
-            fields = found.value.fields
+            fields = caught.value.fields
             assert fields["component"] == "j.bad"
             assert fields["status"] == "fmi2Error"
             assert fields["result"].time.tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3])
@@ -321,9 +321,9 @@ SOURCES = [
 @pytest.mark.parametrize("source", SOURCES)
 def test_source_that_is_not_a_scenario(source: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ec.CommandError) as found:
+    with pytest.raises(ec.CommandError) as caught:
         ec.load(source)
-    assert str(found.value).count("\n") == str(source).count("\n")
+    assert str(caught.value).count("\n") == str(source).count("\n")
 
 
 # ---- systems -----------------------------------------------------------------------------------------
@@ -382,8 +382,8 @@ def test_controller_is_a_block_or_an_fmu(name: str, fmu_folder: Path) -> None:
 def test_replacement_is_a_text_a_path_or_a_table(fmu_folder: Path) -> None:
     plant = fmu_path("EmlaPlant", "native", fmu_folder)
     forms: list[Any] = [str(plant), plant, ec.Replacement(plant), {"fmu": str(plant)}]
-    found = [ec.load("lift", replace={"lift.plant": form}).options.replacements() for form in forms]
-    assert [str(one["lift.plant"].fmu) for one in found] == 4 * [str(plant)]
+    actual = [ec.load("lift", replace={"lift.plant": form}).options.replacements() for form in forms]
+    assert [str(one["lift.plant"].fmu) for one in actual] == 4 * [str(plant)]
 
 
 # ---- imports ---------------------------------------------------------------------------------------
@@ -407,11 +407,11 @@ HEAVY = {"matplotlib", "casadi", "networkx", "polars"}
 )
 def test_imports_are_late(code: str, absent: set[str]) -> None:
     report = "import atexit, sys; atexit.register(lambda: print('modules', *sys.modules, file=sys.stderr))"
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", f"{report}; {code}"], capture_output=True, text=True, check=False
     )
-    imported = {name.partition(".")[0] for name in done.stderr.rpartition("modules ")[2].split()}
-    assert "emla_cosim" in imported or "fmublock" in imported, done.stderr
+    imported = {name.partition(".")[0] for name in process.stderr.rpartition("modules ")[2].split()}
+    assert "emla_cosim" in imported or "fmublock" in imported, process.stderr
     assert not imported & absent
 
 
@@ -432,7 +432,7 @@ def test_imports_start_no_threads(variable: dict[str, str], most: int) -> None:
     """A variable that says how many may run is as before afterwards."""
     environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"} | variable
     command = [sys.executable, "-c", IMPORTS]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    enabled, left, running = done.stdout.split()
-    assert (enabled, left) == ("True", str(variable.get("OPENBLAS_NUM_THREADS")))
+    process = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    enabled, remaining, running = process.stdout.split()
+    assert (enabled, remaining) == ("True", str(variable.get("OPENBLAS_NUM_THREADS")))
     assert int(running) <= most

@@ -23,25 +23,25 @@ def test_drive_with_a_digital_controller_keeps_its_bits(options: dict[str, Any],
 
     The plant does the same internal steps of 50 µs. A controller at 20 kHz gives another motion.
     """
-    whole = lift.run(**options)
+    full_run = lift.run(**options)
     half = halve_step(lift, options)
     assert half.samplers == SAMPLED and half.step == 1e-4
     halved = lift.run(**{**options, **half.options})
-    assert halved.steps == 2 * whole.steps and np.array_equal(halved.time, whole.time)
-    assert all(np.array_equal(halved[name], whole[name]) for name in whole.names)
+    assert halved.steps == 2 * full_run.steps and np.array_equal(halved.time, full_run.time)
+    assert all(np.array_equal(halved[name], full_run[name]) for name in full_run.names)
     faster = lift.run(**{**options, "step_size": 5e-5})
-    assert np.abs(faster["lift.plant.i_q"] - whole["lift.plant.i_q"]).max() > 0.1
+    assert np.abs(faster["lift.plant.i_q"] - full_run["lift.plant.i_q"]).max() > 0.1
 
 
 def test_multiples_and_rows_keep_their_times() -> None:
     simulation = ec.load("prototype", stop_time=0.02).prepare()
-    given = {"output_interval": 2e-3}
-    half = halve_step(simulation, given)
+    options = {"output_interval": 2e-3}
+    half = halve_step(simulation, options)
     assert half.options["output_interval"] == 2e-3 and half.options["step_size"] == 5e-5
     multiples = {"disturbance": 2, "observer": 20, "controller": 20}
     assert half.options["step_multiples"] == {f"prototype.{name}": n for name, n in multiples.items()}
-    whole, halved = simulation.run(**given), simulation.run(**{**given, **half.options})
-    assert all(np.array_equal(halved[name], whole[name]) for name in whole.names)
+    full_run, halved = simulation.run(**options), simulation.run(**{**options, **half.options})
+    assert all(np.array_equal(halved[name], full_run[name]) for name in full_run.names)
 
 
 REASONS: list[tuple[dict[str, Any], str]] = [

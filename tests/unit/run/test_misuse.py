@@ -39,21 +39,21 @@ def rows(result: ec.Result) -> bytes:
 def in_threads(function: Callable[[], object]) -> None:
     """Call a function in four threads at once."""
     with ThreadPoolExecutor(4) as threads:
-        for done in [threads.submit(function) for _ in range(4)]:
-            done.result()
+        for future in [threads.submit(function) for _ in range(4)]:
+            future.result()
 
 
 def test_simulations_in_threads_are_independent(fmu_folder: Path) -> None:
     scenario = ec.load("lift", stop_time=0.1, fmus=fmu_folder)
-    found: list[bytes] = []
+    actual: list[bytes] = []
 
     def run() -> None:
         with scenario.prepare() as simulation:
-            found.append(rows(simulation.run()))
+            actual.append(rows(simulation.run()))
 
     in_threads(run)
     run()
-    assert len(found) == 5 and len(set(found)) == 1
+    assert len(actual) == 5 and len(set(actual)) == 1
 
 
 def test_threads_that_prepare_keep_the_working_folder(
@@ -68,14 +68,14 @@ def test_threads_that_prepare_keep_the_working_folder(
 
     monkeypatch.setattr(fmpy.fmi1.cdll, "LoadLibrary", slowly)
     monkeypatch.chdir(tmp_path)
-    scenario, seen = ec.load("lift", stop_time=0.01, fmus=fmu_folder), set[Path]()
+    scenario, folders = ec.load("lift", stop_time=0.01, fmus=fmu_folder), set[Path]()
 
     def prepare() -> None:
         with scenario.prepare():
-            seen.add(get_working_folder())
+            folders.add(get_working_folder())
 
     in_threads(prepare)
-    assert seen == {tmp_path}
+    assert folders == {tmp_path}
     assert Path.cwd() == tmp_path
 
 
@@ -118,9 +118,9 @@ def test_error_of_a_recorder_is_raised_and_others_are_ended(
         def end(self) -> None:
             ended.append(len(self.rows))
 
-    with pytest.raises(type(error)) as found:
+    with pytest.raises(type(error)) as caught:
         lift.run(recorders=[before, Failing(where, error), Last()])
-    assert found.value is error
+    assert caught.value is error
     if where != "begin":
         assert ended == [len(before.rows)]
         assert len(before.rows) == (1 if where == "pause" else 21)
@@ -150,9 +150,9 @@ def test_recorder_cannot_run_its_simulation(use: str, where: str, lift: ec.Simul
     refused: list[str] = []
 
     def meddle(*_: Any) -> None:
-        with pytest.raises(ec.CommandError) as found:
+        with pytest.raises(ec.CommandError) as caught:
             getattr(lift, use)(*((0.01,) if use == "advance" else ()))
-        refused.append(str(found.value))
+        refused.append(str(caught.value))
 
     recorder = ec.Recorder()
     setattr(recorder, where, meddle)
@@ -162,11 +162,11 @@ def test_recorder_cannot_run_its_simulation(use: str, where: str, lift: ec.Simul
 
 
 def test_full_disk_of_a_recorder_is_reported(lift: ec.Simulation) -> None:
-    kept = ec.TimeSeries()
+    series = ec.TimeSeries()
     full = Failing("write", OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
     with pytest.raises(ec.RunError, match=r"cannot be written: No space left on device\.$"):
-        lift.run(recorders=[kept, full])
-    assert len(kept.rows)
+        lift.run(recorders=[series, full])
+    assert len(series.rows)
 
 
 def test_rows_are_read_only(lift: ec.Simulation) -> None:
@@ -185,9 +185,9 @@ def test_other_threads_cannot_use_a_running_simulation(lift: ec.Simulation) -> N
         for use in (
             lift.run, lift.finish, lambda: lift["lift.plant.x_L"], lambda: lift.__setitem__("a.b", 1)
         ):  # fmt: skip
-            with pytest.raises(ec.CommandError) as found:
+            with pytest.raises(ec.CommandError) as caught:
                 use()
-            refused.append(str(found.value))
+            refused.append(str(caught.value))
 
     class Waiting(ec.Recorder):
         def end(self) -> None:
@@ -240,11 +240,11 @@ with ec.load("lift", stop_time=0.01, fmus=sys.argv[1]).prepare(isolate=["lift.pl
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`.")
 def test_forked_process_cannot_use_isolated_fmus(fmu_folder: Path) -> None:
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", DIVIDING, str(fmu_folder)], capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == "the FMU of lift.plant belongs to another process. Prepare it in this process.\n"
+    assert process.returncode == 0, process.stderr
+    assert process.stdout == "the FMU of lift.plant belongs to another process. Prepare it in this process.\n"
 
 
 @pytest.mark.slow
@@ -289,9 +289,9 @@ WRONG_TYPES: list[tuple[Callable[[ec.Simulation], Any], str]] = [
 def test_values_of_other_types_are_refused(
     use: Callable[[ec.Simulation], Any], words: str, lift: ec.Simulation
 ) -> None:
-    with pytest.raises(ec.CommandError) as found:
+    with pytest.raises(ec.CommandError) as caught:
         use(lift)
-    assert words in str(found.value)
+    assert words in str(caught.value)
     assert lift.run(recorders=(r for r in [TABLE])).problem is None  # pyright: ignore[reportArgumentType]
 
 

@@ -66,13 +66,13 @@ WAYS: list[dict[str, Any]] = [
 @pytest.mark.parametrize("options", mostly_slow(WAYS, WAYS[:2]), ids=str)
 def test_events_are_handled_inside_of_steps(events: Path, system: System, options: dict[str, Any]) -> None:
     """FMPy without event mode and early return has the same bits at the same steps."""
-    found = run(system, no_event_mode=True, **options)
-    assert found.remarks == [REMARK]
-    assert set(found["a.updates"].tolist()) == {0.0}
+    result = run(system, no_event_mode=True, **options)
+    assert result.remarks == [REMARK]
+    assert set(result["a.updates"].tolist()) == {0.0}
     assert run(system, **options)["a.updates"][-1] > 0.0
     if "error_tolerance" in options:
         return
-    theirs = fmpy.simulate_fmu(
+    fmpy_result = fmpy.simulate_fmu(
         str(events),
         stop_time=2.0,
         output_interval=0.125,
@@ -82,41 +82,41 @@ def test_events_are_handled_inside_of_steps(events: Path, system: System, option
         early_return_allowed=False,
     )
     for name in ("x", "bounces", "count"):
-        assert np.array_equal(found[f"a.{name}"], theirs[name]), name
+        assert np.array_equal(result[f"a.{name}"], fmpy_result[name]), name
 
 
 @pytest.mark.parametrize("chosen", [["a"], ["a*"], ["b", "a"], True])
 def test_components_by_name_pattern_or_all(events: Path, chosen: Any) -> None:
     """A pattern passes over FMUs without event mode."""
     fmus = {"a": events, "b": events, "a2": build_strict_fmu(Path("Strict.fmu"))}
-    found = run(System.of(fmus, ["a2.x -> b.u"]), no_event_mode=chosen)
-    without = {"a": found["a.updates"][-1] == 0.0, "b": found["b.updates"][-1] == 0.0}
+    result = run(System.of(fmus, ["a2.x -> b.u"]), no_event_mode=chosen)
+    without = {"a": result["a.updates"][-1] == 0.0, "b": result["b.updates"][-1] == 0.0}
     assert without == {"a": True, "b": chosen in (["b", "a"], True)}
     names = "a and b run" if without["b"] else "a runs"
-    assert found.remarks == [f"{names} without event mode, as the option 'no_event_mode' says."]
-    assert found.record["settings"]["no_event_mode"] == (["*"] if chosen is True else chosen)
+    assert result.remarks == [f"{names} without event mode, as the option 'no_event_mode' says."]
+    assert result.record["settings"]["no_event_mode"] == (["*"] if chosen is True else chosen)
 
 
 @pytest.mark.parametrize("isolate", mostly_slow([[], ["b"]], [[]]))
 def test_discrete_inputs_change_before_steps(events: Path, isolate: list[str]) -> None:
     """The FMU refuses them in step mode if it has event mode, and latches them at its own events."""
     system = System.of({"a": events, "b": events}, ["a.count -> b.n"], {**VALUES, "b.period": 0.125})
-    found = run(system, no_event_mode=["b"], isolate=isolate)
-    assert np.array_equal(found["b.latched"][1:], found["a.count"][1:])
-    assert found["b.updates"][-1] == 0.0 < found["a.updates"][-1]
+    result = run(system, no_event_mode=["b"], isolate=isolate)
+    assert np.array_equal(result["b.latched"][1:], result["a.count"][1:])
+    assert result["b.updates"][-1] == 0.0 < result["a.updates"][-1]
 
 
 def test_the_switch_can_be_off(system: System) -> None:
     for off in (False, []):
-        found = run(system, no_event_mode=off)
-        assert found.remarks == [] and found["a.updates"][-1] > 0.0
+        result = run(system, no_event_mode=off)
+        assert result.remarks == [] and result["a.updates"][-1] > 0.0
 
 
 def test_resumed_run_is_the_same(system: System) -> None:
-    whole = run(system, no_event_mode=True)
+    full_run = run(system, no_event_mode=True)
     run(system, no_event_mode=True, stop_time=0.625, checkpoint="kept")
     resumed = run(system, no_event_mode=["a"], resume="kept")
-    assert np.array_equal(resumed["a.x"], whole["a.x"][-len(resumed["a.x"]) :])
+    assert np.array_equal(resumed["a.x"], full_run["a.x"][-len(resumed["a.x"]) :])
     with pytest.raises(CommandError, match="other uses of event mode, of a"):
         run(system, resume="kept")
     run(system, stop_time=0.625, checkpoint="with")
@@ -134,8 +134,8 @@ def test_it_is_fixed_when_a_simulation_is_prepared(system: System) -> None:
 
 def test_replacement_runs_without_event_mode(events: Path, system: System) -> None:
     shutil.copy(events, "Other.fmu")
-    found = run(system, replace={"a": "Other.fmu"}, no_event_mode=["a"])
-    assert found.remarks == [REMARK] and found["a.updates"][-1] == 0.0
+    result = run(system, replace={"a": "Other.fmu"}, no_event_mode=["a"])
+    assert result.remarks == [REMARK] and result["a.updates"][-1] == 0.0
 
 
 # ---- refusals ----------------------------------------------------------------------------------------
@@ -187,18 +187,18 @@ def record(folder: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("flag", [["--no-event-mode"], ["--no-event-mode", "Ev*"]], ids=str)
 def test_run_and_rerun(emla: Emla, events: Path, flag: list[str]) -> None:
-    shown = "Events runs without event mode, as the option 'no_event_mode' says."
+    message = "Events runs without event mode, as the option 'no_event_mode' says."
     result = emla("run", str(events), *STOP, "--output", "out", *flag)
     assert result.exit_code == 0, result.output
-    assert shown in " ".join(result.output.split())
+    assert message in " ".join(result.output.split())
     value = flag[1:] or ["*"]
     assert record("out")["settings"]["no_event_mode"] == value
     assert record("out")["changed"]["no_event_mode"] == value
-    assert shown in record("out")["remarks"]
-    again = emla("rerun", "out", "--no-plots")
-    assert again.exit_code == 0, again.output
-    assert "results.csv is the same" in again.stdout
-    assert shown in record("out-again")["remarks"]
+    assert message in record("out")["remarks"]
+    repeated = emla("rerun", "out", "--no-plots")
+    assert repeated.exit_code == 0, repeated.output
+    assert "results.csv is the same" in repeated.stdout
+    assert message in record("out-again")["remarks"]
 
 
 @pytest.mark.parametrize(("value", "recorded"), [("true", ["*"]), ('["Events"]', ["Events"])])
@@ -229,9 +229,9 @@ def test_such_fmus_fit_into_the_fmu_of_a_system(system: System, fmi: int) -> Non
     ours = run(system, no_event_mode=True)
     scenario = ec.load(system, no_event_mode=True, **TIMES)
     fmu = scenario.export("system.fmu", outputs=["*"], fmi=fmi)
-    theirs = fmpy.simulate_fmu(str(fmu), stop_time=2.0, step_size=0.125, output_interval=0.125)
+    fmpy_result = fmpy.simulate_fmu(str(fmu), stop_time=2.0, step_size=0.125, output_interval=0.125)
     for name in ("a.x", "a.count", "a.updates"):
-        assert np.array_equal(theirs[name], ours[name]), name
+        assert np.array_equal(fmpy_result[name], ours[name]), name
     with pytest.raises(CommandError, match="an SSP cannot hold --no-event-mode"):
         scenario.export("system.ssp")
     assert ec.load(system, no_event_mode=False, **TIMES).export("system.ssp").exists()
@@ -241,8 +241,8 @@ def test_sweeps_run_without_event_mode(system: System, on_one_cluster: None) -> 
     """A sweep is not continued with event mode."""
     options: dict[str, Any] = {**TIMES, "vary": {"a.period": [0.3, 0.4]}, "output": "out"}
     options["metrics"] = ["n = last(a.updates)"]
-    found = ec.sweep(system, no_event_mode=True, **options)
-    assert found.variants["n"].to_list() == [0.0, 0.0]
+    actual = ec.sweep(system, no_event_mode=True, **options)
+    assert actual.variants["n"].to_list() == [0.0, 0.0]
     with pytest.raises(CommandError):
         ec.sweep(system, resume=True, **options)
     options["output"] = "other"
@@ -250,5 +250,7 @@ def test_sweeps_run_without_event_mode(system: System, on_one_cluster: None) -> 
 
 
 def test_frequency_responses_say_so(system: System) -> None:
-    found = ec.linearize(system, perturb="a.u", read="a.x", stop_time=2.0, step_size=1e-2, no_event_mode=True)
-    assert found.remarks[0] == REMARK
+    actual = ec.linearize(
+        system, perturb="a.u", read="a.x", stop_time=2.0, step_size=1e-2, no_event_mode=True
+    )
+    assert actual.remarks[0] == REMARK

@@ -62,11 +62,11 @@ def test_pyright_reports_wrong_options(tmp_path: Path) -> None:
         "pythonVersion": "3.11",
     }
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
-    done = subprocess.run(
+    process = subprocess.run(
         ["pyright", "--outputjson", "-p", str(tmp_path)], capture_output=True, text=True, check=False
     )
-    found = json.loads(done.stdout)["generalDiagnostics"]
-    errors = [(Path(one["file"]).name, one["range"]["start"]["line"]) for one in found]
+    content = json.loads(process.stdout)["generalDiagnostics"]
+    errors = [(Path(one["file"]).name, one["range"]["start"]["line"]) for one in content]
     assert set(errors) == {
         ("wrong.py", n) for n, line in enumerate(WRONG.splitlines()) if line.endswith("# error")
-    }, found
+    }, content

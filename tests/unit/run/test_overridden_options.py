@@ -16,12 +16,16 @@ NOTE = "the order of the scenario is not used: the algorithm jacobi has none"
 @pytest.mark.parametrize("name", mostly_slow(SCENARIOS, ["lift", "study", "lift_table"]))
 @pytest.mark.parametrize("algorithm", ["jacobi", "strong"])
 def test_every_scenario_accepts_every_algorithm(name: str, algorithm: str) -> None:
-    scenario, own = ec.load(name, algorithm=algorithm), ec.load(name).options.class_options
-    made = scenario.options.make_algorithm()
-    kept = {option: value for option, value in own.items() if option != "order" or algorithm != "jacobi"}
-    assert scenario.options.class_options == kept
-    assert all(getattr(made, option) == value for option, value in kept.items())
-    assert (NOTE in scenario.notes) == ("order" in own and algorithm == "jacobi")
+    scenario, scenario_options = ec.load(name, algorithm=algorithm), ec.load(name).options.class_options
+    algorithm_object = scenario.options.make_algorithm()
+    expected = {
+        option: value
+        for option, value in scenario_options.items()
+        if option != "order" or algorithm != "jacobi"
+    }
+    assert scenario.options.class_options == expected
+    assert all(getattr(algorithm_object, option) == value for option, value in expected.items())
+    assert (NOTE in scenario.notes) == ("order" in scenario_options and algorithm == "jacobi")
     for control in ({"error_tolerance": 1e-3}, {"step_size_control": "fixed"}):
         ec.load(name, **control).options.make_step_size_control()
 
@@ -33,9 +37,9 @@ def test_order_of_the_user_is_not_overridden() -> None:
 
 def test_order_returns_with_an_algorithm_that_has_it() -> None:
     original = ec.load("prototype")
-    again = original.with_options({"algorithm": "jacobi"}).with_options({"algorithm": "strong"})
-    assert again.options.class_options["order"] == original.options.class_options["order"]
-    assert again.notes == original.notes
+    repeated = original.with_options({"algorithm": "jacobi"}).with_options({"algorithm": "strong"})
+    assert repeated.options.class_options["order"] == original.options.class_options["order"]
+    assert repeated.notes == original.notes
 
 
 def test_later_files_override_earlier_ones(tmp_path: Path) -> None:
@@ -62,9 +66,9 @@ def test_order_in_a_record_is_dropped_for_another_algorithm(fmu_folder: Path, tm
         f"lift.{part}" for part in ("reference", "disturbance", "plant", "observer", "controller")
     ]
     ec.load("lift", order=order, fmus=fmu_folder).prepare().run(stop_time=0.001).save(tmp_path, plots=False)
-    again = ec.load(tmp_path / "run.json", algorithm="jacobi")
-    again.options.make_algorithm()
-    assert "order" not in again.options.class_options
+    repeated = ec.load(tmp_path / "run.json", algorithm="jacobi")
+    repeated.options.make_algorithm()
+    assert "order" not in repeated.options.class_options
 
 
 JACOBI = ec.Jacobi()

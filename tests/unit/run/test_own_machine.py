@@ -16,8 +16,8 @@ JOINT = "prototype"
 
 
 def test_load_and_motion_are_those_of_the_files(emla: Emla) -> None:
-    done = emla("run", str(MACHINE / "machine.toml"), "--output", "out", "--no-plots")
-    assert done.exit_code == 0, done.output
+    result = emla("run", str(MACHINE / "machine.toml"), "--output", "out", "--no-plots")
+    assert result.exit_code == 0, result.output
     table = polars.read_csv("out/results.csv")
     time = table["time"].to_numpy()
 

@@ -33,14 +33,17 @@ def table_rows(result: Result) -> list[list[str]]:
 
 def verdicts(result: Result) -> dict[str, str]:
     """Return verdicts by our names, or by names in the FMU where we have none, without units."""
-    return {re.sub(r" \[.*", "", ours or theirs): verdict for _, ours, theirs, verdict in table_rows(result)}
+    return {
+        re.sub(r" \[.*", "", ours or with_replacement): verdict
+        for _, ours, with_replacement, verdict in table_rows(result)
+    }
 
 
-def check_same(found: ec.Result, expected: ec.Result, tolerance: float) -> None:
+def check_same(actual: ec.Result, expected: ec.Result, tolerance: float) -> None:
     """Check all signals that both results have, relative to their largest value."""
     for name in [n for n in expected.names if n not in HEAT]:
         largest = np.abs(expected[name]).max() or 1.0
-        assert np.abs(found[name] - expected[name]).max() <= tolerance * largest, name
+        assert np.abs(actual[name] - expected[name]).max() <= tolerance * largest, name
 
 
 def same_bits(a: ec.Result, b: ec.Result) -> bool:
@@ -88,7 +91,7 @@ def ours(fmu_folder: Path) -> ec.Simulation:
 
 
 @pytest.fixture(scope="module")
-def theirs(foreign: ec.Scenario) -> ec.Simulation:
+def with_replacement(foreign: ec.Scenario) -> ec.Simulation:
     return foreign.prepare()
 
 
@@ -104,16 +107,16 @@ def package(foreign: ec.Scenario, tmp_path_factory: pytest.TempPathFactory) -> P
 def test_fmu_with_the_same_names_gives_the_same_bits(emla: Emla, python_fmu_folder: Path) -> None:
     """It shows no table, except on request."""
     other = python_fmu_folder / "EmlaPlant" / "python" / "EmlaPlant.fmu"
-    short = ("run", "lift", "--stop-time", "0.02", "--no-plots")
-    replaced = (*short, "--output", "theirs", "--replace", f"lift.plant={other}")
-    assert emla(*short, "--output", "ours").exit_code == 0
+    options = ("run", "lift", "--stop-time", "0.02", "--no-plots")
+    replaced = (*options, "--output", "theirs", "--replace", f"lift.plant={other}")
+    assert emla(*options, "--output", "ours").exit_code == 0
     result = emla(*replaced)
     assert Path("ours/results.csv").read_bytes() == Path("theirs/results.csv").read_bytes()
     assert table_rows(result) == []
     assert "EmlaPlant.fmu as lift.plant: all 55 variables match (--show-fit lists them)" in result.stderr
-    shown = emla(*replaced, "--show-fit")
-    assert table_rows(shown) == [["", "55 more", "", "same name and unit"]]
-    assert "variables match" not in shown.stderr
+    output = emla(*replaced, "--show-fit")
+    assert table_rows(output) == [["", "55 more", "", "same name and unit"]]
+    assert "variables match" not in output.stderr
     components = json.loads(Path("theirs/run.json").read_text())["components"]
     assert components["lift.plant"]["fmu"] == str(other) != components["lift.observer"]["fmu"]
 
@@ -130,19 +133,21 @@ def test_fmu_with_the_same_names_gives_the_same_bits(emla: Emla, python_fmu_fold
     ],
 )
 def test_other_names_and_units_give_the_same_results(
-    ours: ec.Simulation, theirs: ec.Simulation, options: dict[str, Any], tolerance: float
+    ours: ec.Simulation, with_replacement: ec.Simulation, options: dict[str, Any], tolerance: float
 ) -> None:
-    expected, found = (simulation.run(**{"stop_time": 0.3, **options}) for simulation in (ours, theirs))
-    extra = [name for name in found.names if name not in expected.names]
+    expected, result = (
+        simulation.run(**{"stop_time": 0.3, **options}) for simulation in (ours, with_replacement)
+    )
+    extra = [name for name in result.names if name not in expected.names]
     assert extra == ["lift.plant.Motor.IqError_A"]
-    assert found.steps == expected.steps
-    check_same(found, expected, tolerance)
+    assert result.steps == expected.steps
+    check_same(result, expected, tolerance)
     metrics, of_ours = (
         {n: x for n, x in r.metrics["joints"]["lift"].items() if isinstance(x, float)}
-        for r in (found, expected)
+        for r in (result, expected)
     )
     assert metrics == pytest.approx(of_ours, rel=1e-6 if tolerance < 1e-5 else 1e-3, nan_ok=True)
-    assert found.metrics["joints"]["lift"]["trip"] is None  # this plant has no such ranges
+    assert result.metrics["joints"]["lift"]["trip"] is None  # this plant has no such ranges
 
 
 def test_table_shows_conversions(emla: Emla, foreign_plant: Path) -> None:
@@ -161,23 +166,23 @@ def test_table_shows_conversions(emla: Emla, foreign_plant: Path) -> None:
     assert mapped["x_L"] == "Screw.Position_mm = x_L x 1000 + 850"
 
 
-def test_values_and_signals_have_our_names_and_units(theirs: ec.Simulation) -> None:
+def test_values_and_signals_have_our_names_and_units(with_replacement: ec.Simulation) -> None:
     """Parameters of the FMU alone, such as the temperature of its winding, keep their names."""
-    result = theirs.run(set={"lift.plant.start.x_L": 0.25}, signals=["lift.plant.x_*"])
+    result = with_replacement.run(set={"lift.plant.start.x_L": 0.25}, signals=["lift.plant.x_*"])
     assert result.names == ["lift.plant.x_L", "lift.plant.x_measured"]
     assert result["lift.plant.x_L"][0] == pytest.approx(0.25, rel=1e-15)
     assert result.record["components"]["lift.plant"]["parameters"]["start.x_L"] == 0.25
-    cold, hot = (theirs.run(set={"lift.plant.Motor.Winding_K": k}) for k in (293.15, 393.15))
+    cold, hot = (with_replacement.run(set={"lift.plant.Motor.Winding_K": k}) for k in (293.15, 393.15))
     assert np.abs(cold["lift.plant.i_q"] - hot["lift.plant.i_q"]).max() > 0.01
 
 
-def test_resumed_run_has_the_same_metrics(theirs: ec.Simulation, tmp_path: Path) -> None:
+def test_resumed_run_has_the_same_metrics(with_replacement: ec.Simulation, tmp_path: Path) -> None:
     """The state of the metrics is in our units before and after."""
-    whole = theirs.run()
-    theirs.run(stop_time=0.01, checkpoint=tmp_path / "half")
-    parts = theirs.run(resume=tmp_path / "half")
-    assert parts["lift.plant.x_L"][-1] == whole["lift.plant.x_L"][-1]
-    np.testing.assert_equal(parts.metrics["joints"], whole.metrics["joints"])
+    full_run = with_replacement.run()
+    with_replacement.run(stop_time=0.01, checkpoint=tmp_path / "half")
+    parts = with_replacement.run(resume=tmp_path / "half")
+    assert parts["lift.plant.x_L"][-1] == full_run["lift.plant.x_L"][-1]
+    np.testing.assert_equal(parts.metrics["joints"], full_run.metrics["joints"])
 
 
 @pytest.mark.parametrize(
@@ -197,34 +202,38 @@ def test_scenario_file_names_fmu_and_mapping(tables: str, foreign: ec.Scenario, 
 # ---- packages ----------------------------------------------------------------------------------------
 
 
-def test_package_gives_the_same_rows(package: Path, theirs: ec.Simulation) -> None:
+def test_package_gives_the_same_rows(package: Path, with_replacement: ec.Simulation) -> None:
     with ec.load(package).prepare() as simulation:
-        assert same_bits(simulation.run(), theirs.run())
-        moved = simulation.run(set={"lift.plant.start.x_L": 0.25})
-        assert moved["lift.plant.x_L"][0] == pytest.approx(0.25, rel=1e-15)
-        short = simulation.run(set={"lift.plant.screw.lead": 0.0205})
+        assert same_bits(simulation.run(), with_replacement.run())
+        other_start = simulation.run(set={"lift.plant.start.x_L": 0.25})
+        assert other_start["lift.plant.x_L"][0] == pytest.approx(0.25, rel=1e-15)
+        other_lead = simulation.run(set={"lift.plant.screw.lead": 0.0205})
     # in the package the lead has our name and is in m, while the FMU has it in mm
     lead = SsvParameter("lift.plant.screw.lead", "Real", 20.5, SiUnit("mm", (0, 1, 0, 0, 0, 0, 0, 0), 1e-3))
     Path("lead.ssv").write_bytes(format_parameter_set(ParameterSet("lead", (lead,))))
     with ec.load(package, parameters=["lead.ssv"]).prepare() as simulation:
         from_file = simulation.run()
-    assert same_bits(from_file, short)
+    assert same_bits(from_file, other_lead)
     fmu = from_file.record["components"]["lift.plant"]["fmu"]
     assert Path(fmu).parts[-3:] == ("my.ssp", "resources", "ForeignPlant.fmu")
 
 
 def test_components_of_packages_can_be_replaced(
-    package: Path, foreign: ec.Scenario, theirs: ec.Simulation, foreign_plant: Path, fmu_folder: Path
+    package: Path,
+    foreign: ec.Scenario,
+    with_replacement: ec.Simulation,
+    foreign_plant: Path,
+    fmu_folder: Path,
 ) -> None:
     """By the same FMU, which then has its own names, and in a package of our components."""
-    whole = theirs.run()
+    full_run = with_replacement.run()
     with ec.load(package, replace={"lift.plant": foreign_plant}).prepare() as simulation:
         position = simulation.run()["lift.plant.Screw.Position_mm"]
-    assert whole["lift.plant.x_L"] == pytest.approx((position - 850.0) / 1e3, rel=1e-12)
+    assert full_run["lift.plant.x_L"] == pytest.approx((position - 850.0) / 1e3, rel=1e-12)
     of_ours = ec.load("lift", fmus=fmu_folder).export("lift.ssp")
     options: Any = {"replace": foreign.options.replace, "stop_time": 0.02, "set": IDEAL}
     with ec.load(of_ours, **options).prepare() as simulation:
-        assert same_bits(simulation.run(), whole)
+        assert same_bits(simulation.run(), full_run)
 
 
 # ---- FMUs and mappings that do not match -------------------------------------------------------------
@@ -302,12 +311,12 @@ def test_mapped_name_is_used_once(emla: Emla, fmu_folder: Path) -> None:
     """uncertainty.F_2 of the FMU is our gearbox.eta_GB then; without conversion, units may differ."""
     plant = f"lift.plant={fmu_folder}/EmlaPlant/EmlaPlant.fmu"
     replace = ("--replace", plant, "--mapping", "lift.plant=my.ssm")
-    short = ("run", "lift", "--stop-time", "0.001", "--no-plots", "--show-fit", *replace)
+    options = ("run", "lift", "--stop-time", "0.001", "--no-plots", "--show-fit", *replace)
     mapping("gearbox.eta_GB uncertainty.F_2")
-    assert verdicts(emla(*short))["uncertainty.F_2"] == "is left out"
+    assert verdicts(emla(*options))["uncertainty.F_2"] == "is left out"
     mapping("motor.R_s motor.L_q", "motor.L_q motor.R_s", attributes='suppressUnitConversion="true"')
-    shown = verdicts(emla(*short))
-    assert shown["motor.R_s"] == shown["motor.L_q"] == "fits"
+    output = verdicts(emla(*options))
+    assert output["motor.R_s"] == output["motor.L_q"] == "fits"
 
 
 def test_mapping_needs_a_replacement_and_a_file(emla: Emla, foreign_plant: Path) -> None:

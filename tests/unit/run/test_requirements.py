@@ -38,16 +38,16 @@ def requiring(*texts: str) -> list[str]:
 
 
 def test_met_requirements_end_with_0(emla: Emla) -> None:
-    wanted = ["lift.position_error_m < 2e-5", "lift.held==true", "run.steps >= 4000", "run.wall_s > 0"]
-    result = emla(*RUN, *requiring(*wanted))
+    requirements = ["lift.position_error_m < 2e-5", "lift.held==true", "run.steps >= 4000", "run.wall_s > 0"]
+    result = emla(*RUN, *requiring(*requirements))
     assert result.exit_code == 0, result.output
     record = json.loads(Path("o/run.json").read_text())
-    assert record["settings"]["require"] == wanted and record["status"] == "completed"
+    assert record["settings"]["require"] == requirements and record["status"] == "completed"
 
 
 def test_unmet_requirements_are_listed_and_results_are_kept(emla: Emla) -> None:
-    wanted = ("lift.position_error_m < 1e-9", "lift.torque_peak_N_m < 190", "lift.held == false")
-    text = sentence(emla(*RUN, *requiring(*wanted)), 1)
+    requirements = ("lift.position_error_m < 1e-9", "lift.torque_peak_N_m < 190", "lift.held == false")
+    text = sentence(emla(*RUN, *requiring(*requirements)), 1)
     joint = json.loads(Path("o/metrics.json").read_text())["joints"]["lift"]
     assert text == (
         "Error: requirements not met: lift.position_error_m < 1e-09, but it is "
@@ -123,12 +123,12 @@ def test_requirements_in_python(lift: ec.Simulation) -> None:
 
 def test_interrupted_run_does_not_meet_requirements(lift: ec.Simulation) -> None:
     class Interrupt(ec.Recorder):
-        asked = False
+        is_requested = False
 
         def write(self, rows: object) -> None:
-            if not self.asked:  # a second one, if the machine takes its time, ends everything at once
+            if not self.is_requested:  # a second one, if the machine takes its time, ends everything at once
                 signal.raise_signal(signal.SIGINT)
-            self.asked = True
+            self.is_requested = True
 
     with pytest.raises(ec.RunError, match=r"before these requirements could be checked: run\.steps > 0\.$"):
         lift.run(require=["run.steps > 0"], recorders=[Interrupt()], stop_time=50.0)
@@ -146,8 +146,8 @@ def test_requirements_compare_like_python(
 ) -> None:
     required = parse_requirement(f"{blank}{name}{blank}{sign}{blank}{value!r}{blank}")
     assert required == Requirement(name, sign, float(value))
-    of, _, what = name.partition(".")
-    sentence_ = describe_unmet([required], list_figures({"kind": {of: {what: figure}}}))
+    of, _, metric = name.partition(".")
+    sentence_ = describe_unmet([required], list_figures({"kind": {of: {metric: figure}}}))
     met = figure is not None and not math.isnan(figure) and SIGNS[sign](figure, value)
     assert (sentence_ is None) == met
     if not met:
@@ -157,8 +157,8 @@ def test_requirements_compare_like_python(
 @given(st.text(max_size=40))
 def test_any_text_is_a_requirement_or_an_error(text: str) -> None:
     try:
-        found = parse_requirement(text)
+        actual = parse_requirement(text)
     except CommandError as error:
         assert text in str(error)
     else:
-        assert found.figure in text and found.sign in text
+        assert actual.figure in text and actual.sign in text

@@ -17,21 +17,21 @@ from tests.support.commands import Emla, sentence
 from tests.support.paths import ROOT
 
 SAME = "results.csv is the same as that of out, to the last bit"
-SHORT = ("--stop-time", "0.002", "--no-plots", "--output", "out")
+SHORT_RUN = ("--stop-time", "0.002", "--no-plots", "--output", "out")
 
 
 def changed_record(change: Callable[[dict[str, Any]], Any]) -> None:
-    place = Path("out/run.json")
-    record = json.loads(place.read_text())
+    path = Path("out/run.json")
+    record = json.loads(path.read_text())
     change(record)
-    place.write_text(json.dumps(record))
+    path.write_text(json.dumps(record))
 
 
 def test_rerun_gives_the_same_rows_in_a_new_folder(emla: Emla) -> None:
     """Built-in, with all kinds of options."""
     options = ("--set", "tilt.plant.motor.R_s=0.2", "--fault", "tilt.plant.x_measured=offset:1e-3@0.001")
     more = ("--gains", "robust", "--algorithm", "jacobi", "--signals", "tilt.*")
-    assert emla("run", "tilt", *SHORT, *options, *more).exit_code == 0
+    assert emla("run", "tilt", *SHORT_RUN, *options, *more).exit_code == 0
     before = {p.name: p.read_bytes() for p in Path("out").iterdir()}
     result = emla("rerun", "out", "--no-plots")
     assert result.exit_code == 0, result.output
@@ -39,9 +39,9 @@ def test_rerun_gives_the_same_rows_in_a_new_folder(emla: Emla) -> None:
     assert "Differences from" not in result.stdout
     assert Path("out-again/results.csv").read_bytes() == before["results.csv"]
     assert {p.name: p.read_bytes() for p in Path("out").iterdir()} == before
-    record, again = (json.loads(Path(f"{name}/run.json").read_text()) for name in ("out", "out-again"))
+    record, repeated = (json.loads(Path(f"{name}/run.json").read_text()) for name in ("out", "out-again"))
     for part in ("source", "changed", "settings", "components", "connections"):
-        assert again[part] == record[part]
+        assert repeated[part] == record[part]
 
 
 def test_rerun_from_another_folder(
@@ -53,9 +53,9 @@ def test_rerun_from_another_folder(
     assert emla("export", "lift", "lift.ssp").exit_code == 0
     runs = {
         "file": ("mine.toml", "--no-plots"),
-        "package": ("lift.ssp", *SHORT[:3]),
-        "fmu": ("lift", *SHORT[:3], "--controller", "drive.fmu"),
-        "block": ("lift", *SHORT[:3], "--replace", "lift.controller=drive.fmu", "--gains", "robust"),
+        "package": ("lift.ssp", *SHORT_RUN[:3]),
+        "fmu": ("lift", *SHORT_RUN[:3], "--controller", "drive.fmu"),
+        "block": ("lift", *SHORT_RUN[:3], "--replace", "lift.controller=drive.fmu", "--gains", "robust"),
     }
     for name, arguments in runs.items():
         assert emla("run", *arguments, "--output", name).exit_code == 0
@@ -66,28 +66,28 @@ def test_rerun_from_another_folder(
         result = emla("rerun", f"../{name}/run.json", "--no-plots")
         assert result.exit_code == 0, result.output
         assert "to the last bit" in result.stdout and "Differences from" not in result.stdout
-        again = tmp_path / f"{name}-again/results.csv"
-        assert again.read_bytes() == (tmp_path / name / "results.csv").read_bytes()
+        repeated = tmp_path / f"{name}-again/results.csv"
+        assert repeated.read_bytes() == (tmp_path / name / "results.csv").read_bytes()
 
 
 def test_options_override_the_record(emla: Emla) -> None:
-    assert emla("run", "lift", *SHORT, "--set", "lift.plant.motor.R_s=0.2").exit_code == 0
+    assert emla("run", "lift", *SHORT_RUN, "--set", "lift.plant.motor.R_s=0.2").exit_code == 0
     options = ("--step-size", "5e-5", "--output-interval", "1e-4")
-    result = emla("rerun", "out", *options, "--set", "lift.plant.motor.L_q=1e-3", *SHORT[2:3])
+    result = emla("rerun", "out", *options, "--set", "lift.plant.motor.L_q=1e-3", *SHORT_RUN[2:3])
     assert result.exit_code == 0, result.output
     assert "to the last bit" not in result.stdout and "Differences from" not in result.stdout
     settings = json.loads(Path("out-again/run.json").read_text())["settings"]
     assert (settings["step_size_s"], settings["stop_time_s"]) == (5e-5, 0.002)
     assert settings["set"] == {"lift.plant.motor.R_s": "0.2", "lift.plant.motor.L_q": "1e-3"}
-    loaded = ec.load("out-again/run.json", stop_time=1.0)
-    assert (loaded.options.stop_time, loaded.options.step_size, loaded.name) == (1.0, 5e-5, "lift")
-    assert loaded.options.set == settings["set"]
+    scenario = ec.load("out-again/run.json", stop_time=1.0)
+    assert (scenario.options.stop_time, scenario.options.step_size, scenario.name) == (1.0, 5e-5, "lift")
+    assert scenario.options.set == settings["set"]
 
 
 def test_original_is_replaced_only_on_request(emla: Emla) -> None:
-    assert emla("run", "lift", *SHORT).exit_code == 0
-    said = sentence(emla("run", "out/run.json", "--output", "out"), 2)
-    assert "is also the scenario 'out/run.json'" in said
+    assert emla("run", "lift", *SHORT_RUN).exit_code == 0
+    message = sentence(emla("run", "out/run.json", "--output", "out"), 2)
+    assert "is also the scenario 'out/run.json'" in message
     result = emla("rerun", "out", "--output", "out")
     assert result.exit_code == 0 and "to the last bit" in result.stdout
     assert not Path("out-again").exists()
@@ -119,8 +119,8 @@ def test_differences_are_listed_in_one_sentence(emla: Emla) -> None:
 
 
 def test_resumed_run_is_repeated_from_its_start(emla: Emla) -> None:
-    assert emla("run", "lift", *SHORT, "--checkpoint", "a.checkpoint").exit_code == 0
-    more = ("--stop-time", "0.004", *SHORT[2:], "--resume", "a.checkpoint", "--realtime", "100")
+    assert emla("run", "lift", *SHORT_RUN, "--checkpoint", "a.checkpoint").exit_code == 0
+    more = ("--stop-time", "0.004", *SHORT_RUN[2:], "--resume", "a.checkpoint", "--realtime", "100")
     assert emla("run", "lift", *more).exit_code == 0
     result = emla("rerun", "out")
     assert result.stdout.splitlines()[-1] == SAME
@@ -131,8 +131,8 @@ def test_resumed_run_is_repeated_from_its_start(emla: Emla) -> None:
 def test_python_objects_need_a_replacement(emla: Emla, fmu_folder: Path) -> None:
     with ec.load("lift").prepare(fmus=fmu_folder, algorithm=ec.Jacobi()) as simulation:
         simulation.run(stop_time=0.001).save("out", plots=False)
-    said = sentence(emla("rerun", "out"), 2)
-    assert "has the algorithm emla_cosim.master.algorithms.explicit.Jacobi, an object of Python" in said
+    message = sentence(emla("rerun", "out"), 2)
+    assert "has the algorithm emla_cosim.master.algorithms.jacobi.Jacobi, an object of Python" in message
     assert emla("rerun", "out", "--algorithm", "jacobi").exit_code == 0
     system = ec.load("lift").system
     with ec.load(system, stop_time=0.001, step_size=1e-4, fmus=fmu_folder).prepare() as simulation:
@@ -142,8 +142,8 @@ def test_python_objects_need_a_replacement(emla: Emla, fmu_folder: Path) -> None
 
 def test_record_has_the_options_of_all_calls(fmu_folder: Path) -> None:
     """Those of `load`, `prepare` and `run`, merged; an object of Python has the name of its class."""
-    loaded = ec.load("lift", stop_time=0.5, set={"lift.plant.motor.R_s": 0.1}, algorithm=ec.Jacobi())
-    with loaded.prepare(fmus=fmu_folder, set={"lift.plant.motor.L_q": 1e-3}) as simulation:
+    scenario = ec.load("lift", stop_time=0.5, set={"lift.plant.motor.R_s": 0.1}, algorithm=ec.Jacobi())
+    with scenario.prepare(fmus=fmu_folder, set={"lift.plant.motor.L_q": 1e-3}) as simulation:
         first = simulation.run(stop_time=0.001, set={"lift.plant.motor.R_s": 0.2})
         second = simulation.run(stop_time=0.002)
     assert (first.record["source"], first.record["source_sha256"]) == ("lift", None)
@@ -199,7 +199,7 @@ def test_unreadable_record(emla: Emla) -> None:
 
 
 def test_edited_record_can_be_rerun(emla: Emla) -> None:
-    assert emla("run", "lift", *SHORT).exit_code == 0
+    assert emla("run", "lift", *SHORT_RUN).exit_code == 0
 
     def spoil(record: dict[str, Any]) -> None:
         record |= {"versions": [], "components": {"lift.plant": 3}, "connections": {}, "source_sha256": 1}
@@ -215,11 +215,11 @@ def test_edited_record_can_be_rerun(emla: Emla) -> None:
 def test_changed_input_data_is_reported(emla: Emla) -> None:
     for file in ("actuator.toml", "load.csv"):
         shutil.copy(ROOT / "tests" / "own_machine" / file, file)
-    own = ("--actuator", "prototype=actuator.toml", "--input", "load.csv:prototype.disturbance.F_L=Force")
-    assert emla("run", "prototype", *SHORT, *own).exit_code == 0
+    options = ("--actuator", "prototype=actuator.toml", "--input", "load.csv:prototype.disturbance.F_L=Force")
+    assert emla("run", "prototype", *SHORT_RUN, *options).exit_code == 0
     assert emla("rerun", "out", "--no-plots", "--report").stdout.splitlines()[-1] == SAME
     with Path("load.csv").open("a") as stream:
         stream.write("9.000,0.000,20.00\n")
-    told = emla("rerun", "out", "--no-plots").stdout
-    assert "Differences from" in told
-    assert f"the content of '{Path('load.csv').absolute()}'" in told
+    output = emla("rerun", "out", "--no-plots").stdout
+    assert "Differences from" in output
+    assert f"the content of '{Path('load.csv').absolute()}'" in output

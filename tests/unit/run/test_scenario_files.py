@@ -20,7 +20,7 @@ from emla_cosim.study.machines.systems import BUILT_IN
 from tests.support.commands import Emla
 from tests.support.paths import ROOT
 
-SHORT = 'system = "lift"\nstop_time = 0.002\nplots = false\noutput = "out"\n'
+SHORT_RUN = 'system = "lift"\nstop_time = 0.002\nplots = false\noutput = "out"\n'
 ORDER = ["lift.disturbance", "lift.plant", "lift.observer", "lift.controller", "lift.reference"]
 
 
@@ -158,17 +158,17 @@ def test_keys_reach_the_run(keys: dict[str, tuple[str, dict[str, Any]]], python_
 
 
 def test_unknown_key_lists_all_keys() -> None:
-    text = error_of(lambda: load(write(f"{SHORT}qqqqqq = 1\n")))
-    named = re.search(r"; use (.*)\.$", text)
-    assert named is not None
-    assert set(re.split(r", | and ", named[1])) == {*FIXED, *CONTROLLED, *MULTIPLES, *ELSEWHERE}
+    text = error_of(lambda: load(write(f"{SHORT_RUN}qqqqqq = 1\n")))
+    key_list = re.search(r"; use (.*)\.$", text)
+    assert key_list is not None
+    assert set(re.split(r", | and ", key_list[1])) == {*FIXED, *CONTROLLED, *MULTIPLES, *ELSEWHERE}
 
 
 def test_gains_are_those_of_the_key_or_of_the_option() -> None:
     def beta(source: str, **options: Any) -> Any:
         return load(source, **options).system.component("lift.controller").parameters["beta[1]"]
 
-    path = write(f'{SHORT}gains = "published"\n')
+    path = write(f'{SHORT_RUN}gains = "published"\n')
     assert beta(path) == beta("lift", gains="published") != beta("lift", gains="robust")
     assert beta(path, gains="robust") == beta("lift", gains="robust")
 
@@ -176,9 +176,9 @@ def test_gains_are_those_of_the_key_or_of_the_option() -> None:
 def test_controller_without_gains_has_its_recommended_gains() -> None:
     """The gains of the scenario's file are for another controller."""
     assert load("lift").options.gains == "robust"
-    chosen = load("lift", controller="foc")
-    assert chosen.options.gains is None
-    assert chosen.system == load("lift", controller="foc", gains="damped").system
+    scenario = load("lift", controller="foc")
+    assert scenario.options.gains is None
+    assert scenario.system == load("lift", controller="foc", gains="damped").system
     assert load("lift", controller="rsba", gains="robust").system == load("lift").system
 
 
@@ -190,7 +190,7 @@ def test_controllers_of_loads_that_are_not_rigid_have_the_gains_for_them(control
 
 
 def test_description_goes_into_a_package(emla: Emla) -> None:
-    write(f'{SHORT}description = "A lift of my own"\n')
+    write(f'{SHORT_RUN}description = "A lift of my own"\n')
     assert emla("export", "my.toml", "my.ssp").exit_code == 0
     scenario = load("my.ssp")
     assert repr(scenario) == "<Scenario my: 5 components; A lift of my own>"
@@ -220,7 +220,7 @@ def test_output_keys_and_their_options(emla: Emla) -> None:
 def test_tables_are_merged(emla: Emla, fmu_folder: Path) -> None:
     plant, observer = (f"{fmu_folder}/{m}/{m}.fmu" for m in ("EmlaPlant", "EmlaObserver"))
     write(
-        f'{SHORT}[set]\nlift.plant.motor.R_s = 0.2\n"lift.plant.screw.M_BS" = 100\n'
+        f'{SHORT_RUN}[set]\nlift.plant.motor.R_s = 0.2\n"lift.plant.screw.M_BS" = 100\n'
         '[step_multiples]\n"lift.observer" = 2\n"lift.controller" = 4\n'
         f'[replace]\n"lift.plant" = "gone.fmu"\n"lift.observer" = "{observer}"\n'
     )
@@ -229,10 +229,10 @@ def test_tables_are_merged(emla: Emla, fmu_folder: Path) -> None:
         "--step-multiple": "lift.controller=2",
         "--replace": f"lift.plant={plant}",
     }
-    found = run_record(emla, "my.toml", *(x for pair in options.items() for x in pair))["settings"]
-    assert found["set"] == {"lift.plant.motor.R_s": "0.3", "lift.plant.screw.M_BS": 100}
-    assert found["step_multiples"] == {"lift.observer": 2, "lift.controller": 2}
-    replaced = {name: r["fmu"] for name, r in found["replace"].items()}
+    actual = run_record(emla, "my.toml", *(x for pair in options.items() for x in pair))["settings"]
+    assert actual["set"] == {"lift.plant.motor.R_s": "0.3", "lift.plant.screw.M_BS": 100}
+    assert actual["step_multiples"] == {"lift.observer": 2, "lift.controller": 2}
+    replaced = {name: r["fmu"] for name, r in actual["replace"].items()}
     assert replaced == {"lift.plant": plant, "lift.observer": observer}
 
 
@@ -271,8 +271,8 @@ def test_times_of_a_package_are_overridden_by_file_and_options(
 ) -> None:
     with load(write(f'system = "{package}"\n{keys}\n'), **options).prepare() as simulation:
         result = simulation.run()
-    found = result.record["settings"]
-    assert tuple(found[f"{name}_s"] for name in ("start_time", "stop_time", "step_size")) == expected
+    actual = result.record["settings"]
+    assert tuple(actual[f"{name}_s"] for name in ("start_time", "stop_time", "step_size")) == expected
     assert (result.time[0], result.time[-1]) == pytest.approx(expected[:2])
 
 
@@ -330,9 +330,9 @@ def test_mistake_in_a_file(text: str, words: list[str], fmu_folder: Path) -> Non
         plan_run(scenario.options, scenario.name)
         scenario.prepare(fmus=fmu_folder).close()
 
-    found = error_of(use)
+    actual = error_of(use)
     for word in words:
-        assert word in found
+        assert word in actual
 
 
 def test_files_that_cannot_be_read() -> None:
@@ -357,8 +357,8 @@ def test_built_in_scenario_is_a_file_and_a_system(name: str) -> None:
     source = study / folders.get(name, "scenarios") / f"{name}.toml"
     expected = load(name)
     assert load(write(source.read_text(encoding="utf-8"), f"copy/{name}.toml")) == expected
-    alone = load(write(f'system = "{name}"\n'))
-    assert (alone.system, alone.options, alone.name) == (expected.system, expected.options, "my")
+    of_file = load(write(f'system = "{name}"\n'))
+    assert (of_file.system, of_file.options, of_file.name) == (expected.system, expected.options, "my")
 
 
 def test_built_in_name_has_priority_over_a_folder() -> None:
@@ -433,8 +433,10 @@ def test_patterns_select_signals(patterns: str, expected: str, lift: ec.Simulati
 
 
 def test_metrics_need_no_recorded_signals(lift: ec.Simulation) -> None:
-    few, every = (lift.run(stop_time=0.4, signals=s).metrics["joints"] for s in (["lift.plant.x_L"], ["*"]))
-    np.testing.assert_equal(few, every)
+    few, all_metrics = (
+        lift.run(stop_time=0.4, signals=s).metrics["joints"] for s in (["lift.plant.x_L"], ["*"])
+    )
+    np.testing.assert_equal(few, all_metrics)
 
 
 def test_pattern_without_a_signal(lift: ec.Simulation) -> None:

@@ -42,8 +42,8 @@ def as_table(result: Result, joint: str) -> tuple[float, float, float, float]:
 def test_study_is_better_than_every_cell_of_table_vi(study: Result, joint: str) -> None:
     assert study.problem is None
     assert study.steps == 10_000 and study.metrics["joints"][joint]["held"]
-    for found, published in zip(as_table(study, joint), TABLE_VI[joint], strict=True):
-        assert 0 < found < published
+    for computed, published in zip(as_table(study, joint), TABLE_VI[joint], strict=True):
+        assert 0 < computed < published
 
 
 @pytest.mark.parametrize("joint", JOINTS)
@@ -77,11 +77,11 @@ def test_study_has_observers_in_the_loop_and_disturbances() -> None:
 def test_joint_alone_has_the_rows_of_the_study(
     study: Result, study_folder: Path, fmu_folder: Path, tmp_path: Path
 ) -> None:
-    alone = run_scenario(load("telescope"), tmp_path, fmus=fmu_folder, stop_time=0.2)
+    single_joint = run_scenario(load("telescope"), tmp_path, fmus=fmu_folder, stop_time=0.2)
     name = ["telescope.plant.x_L"]
     in_study = open_stored_run(study_folder / "results.csv").read(name)[name[0]][:201]
     assert np.array_equal(open_stored_run(tmp_path / "results.csv").read(name)[name[0]], in_study)
-    assert list(alone.metrics["joints"]) == ["telescope"]
+    assert list(single_joint.metrics["joints"]) == ["telescope"]
 
 
 def test_published_gains_with_true_states_have_the_errors_of_the_paper(

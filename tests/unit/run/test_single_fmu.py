@@ -63,7 +63,7 @@ def test_fmu_runs_like_a_system_of_one_component(reference: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "times", "notes"),
+    ("attributes", "times", "notes"),
     [
         ({"startTime": 1, "stopTime": 3, "stepSize": 0.5}, (1.0, 3.0, 0.5), 0),
         ({"stopTime": 5}, (0.0, 5.0, 0.005), 1),
@@ -76,9 +76,9 @@ def test_fmu_runs_like_a_system_of_one_component(reference: Path) -> None:
     ],
 )
 def test_times_are_those_of_the_default_experiment(
-    said: dict[str, float | str], times: tuple[float, ...], notes: int, reference: Path, tmp_path: Path
+    attributes: dict[str, float | str], times: tuple[float, ...], notes: int, reference: Path, tmp_path: Path
 ) -> None:
-    scenario = load(with_description(reference, tmp_path / "x.fmu", experiment(**said)))
+    scenario = load(with_description(reference, tmp_path / "x.fmu", experiment(**attributes)))
     options = scenario.options
     assert (options.start_time, options.stop_time, options.step_size) == times
     assert len(scenario.notes) == notes
@@ -87,8 +87,8 @@ def test_times_are_those_of_the_default_experiment(
 def test_options_replace_a_missing_experiment(reference: Path, tmp_path: Path) -> None:
     fmu = with_description(reference, tmp_path / "x.fmu", (EXPERIMENT, ""))
     assert load(fmu).options.step_size == 0.01
-    given = load(fmu, stop_time=2.0).options
-    assert (given.stop_time, given.step_size) == (2.0, 0.002)
+    options = load(fmu, stop_time=2.0).options
+    assert (options.stop_time, options.step_size) == (2.0, 0.002)
     assert not load(fmu, stop_time=2.0, step_size=0.5).notes
 
 
@@ -119,10 +119,10 @@ def test_short_runs_have_rows(
     stop_time: float, step_size: float, rows: int, text: str, reference: Path
 ) -> None:
     with load(reference, stop_time=stop_time, step_size=step_size).prepare() as simulation:
-        result, chosen = simulation.run(), simulation.run(output_interval=stop_time)
+        result, with_interval = simulation.run(), simulation.run(output_interval=stop_time)
     assert len(result.time) == rows and result.time[-1] == stop_time
     assert [x for x in result.remarks if "is short" in x] == ([text] if text else [])
-    assert len(chosen.time) == 2 and not any("is short" in x for x in chosen.remarks)
+    assert len(with_interval.time) == 2 and not any("is short" in x for x in with_interval.remarks)
 
 
 @pytest.mark.parametrize("options", [{}, {"algorithm": "strong"}, {"error_tolerance": 1e-3}], ids=str)
@@ -177,9 +177,9 @@ def test_any_model_name_gives_a_valid_component_name(model: str) -> None:
 def test_files_may_have_any_name(name: str, emla: Emla, reference: Path, tmp_path: Path) -> None:
     model = ('modelName="Reference"', 'modelName="[bold]&#233; é"')
     file = with_description(reference, tmp_path / name, model)
-    short = ("--no-plots", "--stop-time", "0.01", "--output", "out", "--set", "bold_é_é.period=2")
-    done = emla("run", str(file), *short)
-    assert done.exit_code == 0, done.output
+    options = ("--no-plots", "--stop-time", "0.01", "--output", "out", "--set", "bold_é_é.period=2")
+    result = emla("run", str(file), *options)
+    assert result.exit_code == 0, result.output
     assert json.loads(Path("out/run.json").read_text(encoding="utf-8"))["scenario"] == "bold_é_é"
     assert Path("out/results.csv").read_text(encoding="utf-8").startswith("time,bold_é_é.x_d")
 
@@ -195,9 +195,9 @@ def test_scenario_file_of_an_fmu(reference: Path, tmp_path: Path) -> None:
 
 def test_fmu_can_be_exported(reference: Path, tmp_path: Path) -> None:
     package = load(reference, set={"Reference.period": 3.0}).export(tmp_path / "x.ssp")
-    again = load(package)
-    assert again.options.stop_time == 10.0
-    assert again.system.component("Reference").parameters["period"] == 3.0
+    repeated = load(package)
+    assert repeated.options.stop_time == 10.0
+    assert repeated.system.component("Reference").parameters["period"] == 3.0
 
 
 @pytest.mark.parametrize(
@@ -236,10 +236,10 @@ def test_short_names_work_with_inputs_and_faults(fmu_folder: Path, tmp_path: Pat
 
 def test_short_names_do_not_hide_added_components(fmu_folder: Path) -> None:
     system = System.of({"plant": fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"}).with_main()
-    both = system + System.of({"input": "x.fmu"})
+    merged = system + System.of({"input": "x.fmu"})
     for name, component in (("R_s", "plant"), ("input.R_s", "input"), ("plant.R_s", "plant")):
-        found, variable = both.split(name)
-        assert (found.name, variable) == (component, "R_s")
+        actual, variable = merged.split(name)
+        assert (actual.name, variable) == (component, "R_s")
 
 
 @pytest.fixture(scope="module")
@@ -255,15 +255,15 @@ def silent(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_local_variables_are_recorded_without_outputs(silent: Path, emla: Emla) -> None:
-    done = emla("run", str(silent), "--no-plots", "--output", "out")
+    result = emla("run", str(silent), "--no-plots", "--output", "out")
     (remark,) = json.loads(Path("out/run.json").read_text(encoding="utf-8"))["remarks"]
     assert remark.startswith("No FMU has an output of a number; the local variables are recorded instead.")
-    assert remark in " ".join(done.output.split())
+    assert remark in " ".join(result.output.split())
     header = Path("out/results.csv").read_text(encoding="utf-8").partition("\n")[0]
     assert header.startswith("time,AllTypes.x,AllTypes.half,AllTypes.count,")
-    assert done.exit_code == 0
-    done = emla("run", str(silent), "--no-plots", "--output", "out", "--signals", "half")
-    assert "recorded instead" not in done.output
+    assert result.exit_code == 0
+    result = emla("run", str(silent), "--no-plots", "--output", "out", "--signals", "half")
+    assert "recorded instead" not in result.output
     assert json.loads(Path("out/run.json").read_text(encoding="utf-8"))["remarks"] == []
 
 

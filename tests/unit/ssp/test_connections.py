@@ -67,8 +67,8 @@ def test_units_of_variables(
     source: str, target: str, more: dict, inside: str, expected: tuple, tmp_path: Path, fmus: dict
 ) -> None:
     parts = component("a", f"{source}.fmu", "y:output"), component("b", f"{target}.fmu", "u:input")
-    found = wires(tmp_path, fmus, *parts, connection("a.y -> b.u", inside, **more))
-    assert found == {"a.y -> b.u": pytest.approx(expected, rel=1e-14)}
+    actual = wires(tmp_path, fmus, *parts, connection("a.y -> b.u", inside, **more))
+    assert actual == {"a.y -> b.u": pytest.approx(expected, rel=1e-14)}
 
 
 @pytest.mark.parametrize(
@@ -88,8 +88,8 @@ def test_units_of_connectors(
     output: str, input_: str, fmu: str, inside: str, more: dict, expected: tuple, tmp_path: Path, fmus: dict
 ) -> None:
     parts = component("a", f"{fmu}.fmu", output), component("b", f"{fmu}.fmu", input_)
-    found = wires(tmp_path, fmus, *parts, connection("a.y -> b.u", inside, **more))
-    assert found == {"a.y -> b.u": pytest.approx(expected, rel=1e-15)}
+    actual = wires(tmp_path, fmus, *parts, connection("a.y -> b.u", inside, **more))
+    assert actual == {"a.y -> b.u": pytest.approx(expected, rel=1e-15)}
 
 
 @pytest.mark.parametrize("turn", [False, True], ids=["straight", "turned"])
@@ -105,7 +105,7 @@ def test_two_levels_in_both_directions(turn: bool, tmp_path: Path, fmus: dict) -
         ports="in:input:mm out:output:mm",
     )
     passing = wire("in -> inside.in"), wire("inside.out -> out")
-    found = wires(
+    actual = wires(
         tmp_path,
         fmus,
         component("a", "m.fmu", "y:output u:input"),
@@ -114,7 +114,7 @@ def test_two_levels_in_both_directions(turn: bool, tmp_path: Path, fmus: dict) -
         wire("outside.out -> a.u", linear(10.0)),
     )
     # `outside.in` has the unit of what it leads to: 2 (1000 x + 7) + 1; back: 10 (-x / 1000)
-    assert found == {
+    assert actual == {
         "a.y -> outside.inside.b.u": pytest.approx((2e3, 15.0)),
         "outside.inside.b.y -> a.u": pytest.approx((-1e-2, 0.0)),
     }
@@ -151,7 +151,7 @@ IN_DICTIONARY = system(
 )
 
 
-HERE = reference("here", "x:inout:mm"), connection("here.x -> a.y", linear(offset=2.0))
+REFERENCE = reference("here", "x:inout:mm"), connection("here.x -> a.y", linear(offset=2.0))
 NEAR_AND_FAR = reader("near", DICTIONARY), reader("far"), reference("r", "x:inout"), connection("a.y -> r.x")
 WAYS = {
     "two units, 2 m more": (
@@ -163,15 +163,15 @@ WAYS = {
         {"a.y -> b.u": (3.0, 0.0)},
     ),
     "input of the root": ((B_U, connection("in -> b.u")), {}),
-    "dictionary, 2 mm more": ((IN_DICTIONARY, *HERE, DICTIONARY), {"a.y -> s.b.u": (1.0, 2e-3)}),
+    "dictionary, 2 mm more": ((IN_DICTIONARY, *REFERENCE, DICTIONARY), {"a.y -> s.b.u": (1.0, 2e-3)}),
     "nearest dictionary": ((*NEAR_AND_FAR, DICTIONARY), {"a.y -> far.b.u": (1.0, 0.0)}),
 }
 
 
 @pytest.mark.parametrize(("parts", "expected"), WAYS.values(), ids=WAYS)
 def test_ways_through_systems(parts: tuple, expected: dict, tmp_path: Path, fmus: dict) -> None:
-    found = wires(tmp_path, fmus, A_Y, *parts, ports="in:input")
-    assert found == {name: pytest.approx(values) for name, values in expected.items()}
+    actual = wires(tmp_path, fmus, A_Y, *parts, ports="in:input")
+    assert actual == {name: pytest.approx(values) for name, values in expected.items()}
 
 
 def test_conversion_of_units_is_not_stored_in_the_connection(tmp_path: Path, fmus: dict) -> None:
@@ -183,9 +183,9 @@ def test_conversion_of_units_is_not_stored_in_the_connection(tmp_path: Path, fmu
         connection("a.y -> b.w", linear(2.0)),
     )
     read = understood(rooted(tmp_path, *parts, files=fmus))
-    found = {x.input: x.transformation for x in read.system.connections}
-    assert found["u"] is None
-    assert found["w"] is not None
+    actual = {x.input: x.transformation for x in read.system.connections}
+    assert actual["u"] is None
+    assert actual["w"] is not None
 
 
 def gain(name: str, ports: str, b: float = 1.0, **values: Any) -> str:
@@ -207,6 +207,6 @@ def test_run_applies_conversions_and_transformations(tmp_path: Path, faulty_fmu:
     path = packed(tmp_path / "test.ssp", rooted(tmp_path, *parts, files={"Faulty__fmu": faulty_fmu}))
     with load(path, stop_time=0.3, step_size=0.1).prepare() as simulation:
         result = simulation.run()
-    found = [result[name][-1] for name in ("source.y", "s.gain.y", "length.y", "plain.y")]
+    actual = [result[name][-1] for name in ("source.y", "s.gain.y", "length.y", "plain.y")]
     metres = 0.01 * (20.0 + 273.15)
-    assert found == pytest.approx((20.0, metres, -2.0 * 1000.0 * metres + 1.0, metres), rel=1e-12)
+    assert actual == pytest.approx((20.0, metres, -2.0 * 1000.0 * metres + 1.0, metres), rel=1e-12)

@@ -63,10 +63,10 @@ def two(source: str, type_: str, *more: str) -> str:
 
 def check_two(path: Path, more: list[str] | None = None) -> None:
     """The bindings of the components come after those of the system inside, and 5 are in mm."""
-    found = understood(path)
-    assert [c.name for c in found.system.components] == ["first.a", "second.a", *(more or [])]
-    assert found.wires() == {"first.a.y -> second.a.u": pytest.approx((1.0, 5e-3))}
-    assert (found.values("first.a"), found.values("second.a")) == ({"k": 2.0}, {"k": 3.0})
+    actual = understood(path)
+    assert [c.name for c in actual.system.components] == ["first.a", "second.a", *(more or [])]
+    assert actual.wires() == {"first.a.y -> second.a.u": pytest.approx((1.0, 5e-3))}
+    assert (actual.values("first.a"), actual.values("second.a")) == ({"k": 2.0}, {"k": 3.0})
 
 
 def test_ssd_in_a_folder_as_component(tmp_path: Path, fmu: Path) -> None:
@@ -158,9 +158,9 @@ def test_documents_of_version_2(tmp_path: Path, fmu: Path) -> None:
         "b__ssv": ssv(version="2.0", k=(2e3, "Float64", "mm"), n=(4, "Int32")),
         "b__ssm": ssm(entry("k", "k", linear(2.0)), entry("n", "n"), version="2.0"),
     }
-    found = understood(rooted(tmp_path, *root, files=files, version="2.0"))
-    assert found.wires() == {"a.y -> b.u": pytest.approx((1.0, 0.0))}
-    assert found.values("b") == {"k": 4.0, "n": 4}
+    actual = understood(rooted(tmp_path, *root, files=files, version="2.0"))
+    assert actual.wires() == {"a.y -> b.u": pytest.approx((1.0, 0.0))}
+    assert actual.values("b") == {"k": 4.0, "n": 4}
 
 
 OMS = (
@@ -228,9 +228,12 @@ def test_times_of_the_user_override_default_times(tmp_path: Path) -> None:
     path = without_times(tmp_path, SLOW, "")
     scenario = load(path, stop_time=0.5, step_size=0.25)
     assert (scenario.options.stop_time, scenario.options.step_size, scenario.notes) == (0.5, 0.25, ())
-    short = load(path, stop_time=0.005)  # shorter than the steps of the FMUs
-    assert (short.options.stop_time, short.options.step_size) == (0.005, pytest.approx(5e-6))
-    assert len(short.notes) == 1
+    short_scenario = load(path, stop_time=0.005)  # shorter than the steps of the FMUs
+    assert (short_scenario.options.stop_time, short_scenario.options.step_size) == (
+        0.005,
+        pytest.approx(5e-6),
+    )
+    assert len(short_scenario.notes) == 1
 
 
 @pytest.mark.parametrize(
@@ -245,8 +248,8 @@ def test_times_of_the_user_override_default_times(tmp_path: Path) -> None:
 )
 def test_names_of_components(names: tuple, ids: tuple, expected: list, tmp_path: Path, fmu: Path) -> None:
     parts = [component(n, "a.fmu", id=i) for n, i in zip(names, ids, strict=True)]
-    found = understood(rooted(tmp_path, *parts, files={"a__fmu": fmu}))
-    assert [c.name for c in found.system.components] == expected
+    actual = understood(rooted(tmp_path, *parts, files={"a__fmu": fmu}))
+    assert [c.name for c in actual.system.components] == expected
 
 
 def test_only_ids_of_the_top_level_are_names(tmp_path: Path, fmu: Path) -> None:
@@ -256,8 +259,8 @@ def test_only_ids_of_the_top_level_are_names(tmp_path: Path, fmu: Path) -> None:
         system("tilt_plant", component("a", "a.fmu", id="tilt.plant")),
         component("crane_pump", "a.fmu", id="crane.pump"),
     )
-    found = understood(rooted(tmp_path, *parts, files={"a__fmu": fmu}))
-    names = [c.name for c in found.system.components]
+    actual = understood(rooted(tmp_path, *parts, files={"a__fmu": fmu}))
+    names = [c.name for c in actual.system.components]
     assert names == ["s.lift_plant", "s.b", "tilt_plant.a", "crane.pump"]
 
 

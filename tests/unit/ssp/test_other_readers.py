@@ -69,9 +69,9 @@ def test_schemas_are_those_of_the_standard() -> None:
     compared = 0
     for version, suffix in (("1.0", ""), ("2.0", "2")):
         for kind in ("ssc", "ssd", "ssm", "ssv"):
-            theirs = Path(ModelicaStandard.schemas[f"{kind}{suffix}"])
-            ours = SCHEMAS / version / theirs.name
-            texts = [ElementTree.canonicalize(from_file=file) for file in (ours, theirs)]
+            standard_schema = Path(ModelicaStandard.schemas[f"{kind}{suffix}"])
+            ours = SCHEMAS / version / standard_schema.name
+            texts = [ElementTree.canonicalize(from_file=file) for file in (ours, standard_schema)]
             assert texts[0] == texts[1], ours
             compared += 1
     assert len(list(SCHEMAS.rglob("*.xsd"))) == compared
@@ -82,36 +82,36 @@ CONVERTED: dict[str, Callable[[str], Any]] = {"Real": float, "Integer": int, "Bo
 
 def their_values(file: Path) -> dict[str, tuple[str, str, str | None]]:
     """Type, value and unit of each parameter as pyssp_standard reads them."""
-    found = {}
+    actual = {}
     with SSV(file) as document:
         for p in document.parameters:
-            given = p["type_value"].parameter
-            found[p["name"]] = p["type_name"], given["value"], given.get("unit")
-        assert {u for _, _, u in found.values() if u} == set(document.units.units)
-    return found
+            parameter = p["type_value"].parameter
+            actual[p["name"]] = p["type_name"], parameter["value"], parameter.get("unit")
+        assert {u for _, _, u in actual.values() if u} == set(document.units.units)
+    return actual
 
 
 def test_connections_and_values(package: Path) -> None:
     """What the standard makes of the files that pyssp_standard reads, for components without a mapping."""
-    with SSD(package / "SystemStructure.ssd") as document, read_ssp(package / "x.ssp") as found:
+    with SSD(package / "SystemStructure.ssd") as document, read_ssp(package / "x.ssp") as actual:
         joined = {
             f"{x.start_element}.{x.start_connector} -> {x.end_element}.{x.end_connector}"
             for x in document.system.connections
         }
         expected = [
             f"{x.source.replace('.', '_')}.{x.output} -> {x.target.replace('.', '_')}.{x.input}"
-            for x in found.system.connections
+            for x in actual.system.connections
         ]
         assert joined == set(expected)
         leaves = dict(flat(document.system, ()))
-        for component in found.system.components:
+        for component in actual.system.components:
             element = leaves[component.name.replace(".", "_")]
             (bound,) = element.parameter_bindings
             if bound.parameter_mapping is not None:
                 assert component.name == "tilt.plant"
                 continue
             interface = read_interface(package / element.source)
-            driven = {x.input for x in found.system.connections if x.target == component.name}
+            driven = {x.input for x in actual.system.connections if x.target == component.name}
             assert component.parameters == {
                 name: CONVERTED[type_](value)
                 for name, (type_, value, _) in their_values(package / bound.source).items()
@@ -131,7 +131,10 @@ def flat(system: TheirSystem, path: tuple[str, ...]) -> Iterator[tuple[str, Any]
 # ---- OMSimulator -------------------------------------------------------------------------------
 
 OF_COMPONENT = {"Connectors", "ElementGeometry", "ParameterBindings"}
-KNOWN = {"System": OF_COMPONENT | {"Elements", "Connections", "Annotations"}, "Component": OF_COMPONENT}
+READ_ELEMENTS = {
+    "System": OF_COMPONENT | {"Elements", "Connections", "Annotations"},
+    "Component": OF_COMPONENT,
+}
 """The elements that it reads inside a system and a component."""
 IDENTIFIER = re.compile("[a-zA-Z][a-zA-Z0-9_]*")
 """Its `ComRef::isValidIdent`."""
@@ -142,12 +145,12 @@ TYPES = {"Real", "Integer", "Boolean"}
 def check_for_omsimulator(package: Path) -> tuple[int, int]:
     """Check all that OMSimulator needs. Return how many components have values, and how many a mapping."""
     root = ElementTree.parse(package / "SystemStructure.ssd").getroot()
-    systems, parts = (root.findall(f".//ssd:{kind}", NAMESPACES) for kind in KNOWN)
+    systems, parts = (root.findall(f".//ssd:{kind}", NAMESPACES) for kind in READ_ELEMENTS)
     assert len(systems) == 1  # it has no fixed steps in systems inside of another
     names = [e.attrib["name"] for e in (root, *systems, *parts)]
     assert [name for name in names if not IDENTIFIER.fullmatch(name)] == []
     for element in (*systems, *parts):
-        assert {local(e) for e in element} <= KNOWN[local(element)], element.get("name")
+        assert {local(e) for e in element} <= READ_ELEMENTS[local(element)], element.get("name")
     sources, mappings = [], 0
     for part in parts:
         interface = read_interface(package / part.attrib["source"])
@@ -217,7 +220,7 @@ def test_package_of_a_scenario(
     with original.prepare() as simulation:
         expected = simulation.attempt(**times)  # the printed gains diverge on a drive
     with read.prepare(algorithm=algorithm, **original.options.class_options) as simulation:
-        found = simulation.attempt(**times)
-    assert found.signals.keys() == expected.signals.keys()
+        result = simulation.attempt(**times)
+    assert result.signals.keys() == expected.signals.keys()
     for signal in expected.signals:
-        assert found[signal].tobytes() == expected[signal].tobytes(), signal
+        assert result[signal].tobytes() == expected[signal].tobytes(), signal

@@ -93,40 +93,40 @@ SECOND = binding(ssv(q=2.0), ssm(entry("q", "k", linear(3.0))))
 )
 def test_values_of_a_component(bindings: str, expected: dict, tmp_path: Path, fmu: Path) -> None:
     read_ = read(tmp_path, fmu, component("a", "a.fmu", bindings=bindings))
-    found = read_.values("a")
-    assert found == {n: pytest.approx(v, rel=1e-13) if n == "t" else v for n, v in expected.items()}
-    assert all(isinstance(expected[name], bool) == isinstance(found[name], bool) for name in expected)
+    actual = read_.values("a")
+    assert actual == {n: pytest.approx(v, rel=1e-13) if n == "t" else v for n, v in expected.items()}
+    assert all(isinstance(expected[name], bool) == isinstance(actual[name], bool) for name in expected)
     assert read_.system.component("a").aliases == {}
 
 
 @pytest.mark.parametrize("given", [2, 2.0, ("2", "Enumeration")])
 def test_number_sets_an_enumeration(given: Any, tmp_path: Path, fmu: Path) -> None:
-    found = values(tmp_path, fmu, binding(ssv(mode=given)))
-    ((variable, number),) = convert_start_values("a", read_interface(fmu), found)
+    actual = values(tmp_path, fmu, binding(ssv(mode=given)))
+    ((variable, number),) = convert_start_values("a", read_interface(fmu), actual)
     assert (variable.name, number, type(number)) == ("mode", 2, int)
 
 
 @pytest.mark.parametrize("given", [7, 1.5, True, ("7", "Enumeration")])
 def test_value_that_is_not_an_item_of_an_enumeration(given: Any, tmp_path: Path, fmu: Path) -> None:
-    found = values(tmp_path, fmu, binding(ssv(mode=given)))
+    actual = values(tmp_path, fmu, binding(ssv(mode=given)))
     with pytest.raises(CommandError, match=r"^a\.mode = \S+ is not one of \w+ \(1\), \w+ \(2\)") as raised:
-        convert_start_values("a", read_interface(fmu), found)
-    assert f"= {found['mode']} is" in str(raised.value)
+        convert_start_values("a", read_interface(fmu), actual)
+    assert f"= {actual['mode']} is" in str(raised.value)
 
 
 def test_names_without_a_variable_are_noted(tmp_path: Path, fmu: Path) -> None:
-    found = read(tmp_path, fmu, component("a", "a.fmu", bindings=binding(ssv(k=1.0, nothing=2.0, y=3.0))))
-    assert found.values("a") == {"k": 1.0}
-    missing, fixed = found.notes
+    actual = read(tmp_path, fmu, component("a", "a.fmu", bindings=binding(ssv(k=1.0, nothing=2.0, y=3.0))))
+    assert actual.values("a") == {"k": 1.0}
+    missing, fixed = actual.notes
     assert missing.endswith(": nothing matches no variable")
     assert fixed.endswith(": y does not set a.y: it is computed by the FMU")
 
 
 def test_names_that_a_mapping_leaves_out_are_noted(tmp_path: Path, fmu: Path) -> None:
     mapped_only = binding(ssv(k=1.0, b=2.0), ssm(entry("k", "k")))
-    found = read(tmp_path, fmu, component("a", "a.fmu", bindings=mapped_only))
-    assert found.values("a") == {"k": 1.0}
-    (note,) = found.notes
+    actual = read(tmp_path, fmu, component("a", "a.fmu", bindings=mapped_only))
+    assert actual.values("a") == {"k": 1.0}
+    (note,) = actual.notes
     assert note.endswith(": b matches no variable: the mapping leaves it out")
 
 
@@ -159,28 +159,28 @@ def test_system_overrides_its_component(
 
 
 def test_prefix_of_a_binding(tmp_path: Path, fmu: Path) -> None:
-    found = read(tmp_path, fmu, component("a", "a.fmu"), component("c", "a.fmu"), bindings=PREFIXED)
-    assert (found.values("a"), found.values("c")) == ({"k": 2.0}, {"k": 1.0})
+    actual = read(tmp_path, fmu, component("a", "a.fmu"), component("c", "a.fmu"), bindings=PREFIXED)
+    assert (actual.values("a"), actual.values("c")) == ({"k": 2.0}, {"k": 1.0})
 
 
 def test_each_level_overrides_the_ones_below(tmp_path: Path, fmu: Path) -> None:
     inner = component("a", "a.fmu", bindings=binding(ssv(k=1.0, b=1.0, x=1.0)))
     middle = system("s", inner, bindings=binding(ssv(**{"a.k": 2.0, "a.b": 2.0})))
-    found = read(tmp_path, fmu, middle, bindings=binding(ssv(**{"s.a.k": 3.0})))
-    assert found.values("s.a") == {"k": 3.0, "b": 2.0, "x": 1.0}
+    actual = read(tmp_path, fmu, middle, bindings=binding(ssv(**{"s.a.k": 3.0})))
+    assert actual.values("s.a") == {"k": 3.0, "b": 2.0, "x": 1.0}
 
 
 def test_mapping_that_keeps_the_name_leaves_connections_alone(tmp_path: Path, fmu: Path) -> None:
     mapping = ssm(entry("u", "u", linear(2.0)), entry("x", "x", linear(1e-3)))
-    found = read(
+    actual = read(
         tmp_path,
         fmu,
         component("a", "a.fmu", "x:output", bindings=binding(ssv(x=4.0), mapping)),
         component("b", "a.fmu", "u:input:m", bindings=binding(ssv(u=4.0), mapping)),
         connection("a.x -> b.u", linear(7.0, 3.0)),
     )
-    assert found.wires() == {"a.x -> b.u": pytest.approx((7.0, 3.0))}
-    assert (found.values("a"), found.values("b")) == ({"x": 4e-3}, {})
+    assert actual.wires() == {"a.x -> b.u": pytest.approx((7.0, 3.0))}
+    assert (actual.values("a"), actual.values("b")) == ({"x": 4e-3}, {})
 
 
 def test_only_the_mapping_of_a_replaced_component_renames_signals(tmp_path: Path, fmu: Path) -> None:
@@ -188,12 +188,12 @@ def test_only_the_mapping_of_a_replaced_component_renames_signals(tmp_path: Path
     bound = binding(ssv(p=(250.0, "mm")), ssm(entry("p", "k", linear(-1.0)), entry("y_ours", "y")))
     annotation = '<ssd:Annotations><ssc:Annotation type="emla-cosim.renames"/></ssd:Annotations>'
     renaming = bound.replace("</ssd:ParameterBinding>", f"{annotation}</ssd:ParameterBinding>")
-    (theirs,) = read(tmp_path, fmu, component("a", "a.fmu", bindings=bound)).system.components
-    assert (theirs.parameters, theirs.aliases) == ({"k": -0.25}, {})
-    found = read(tmp_path, fmu, component("a", "a.fmu", bindings=renaming))
-    (ours,) = found.system.components
+    (plain_mapping,) = read(tmp_path, fmu, component("a", "a.fmu", bindings=bound)).system.components
+    assert (plain_mapping.parameters, plain_mapping.aliases) == ({"k": -0.25}, {})
+    actual = read(tmp_path, fmu, component("a", "a.fmu", bindings=renaming))
+    (ours,) = actual.system.components
     assert ours.parameters == {"p": 250.0} and ours.aliases["y_ours"].variable == "y"
-    assert found.values("a") == {"k": -0.25}
+    assert actual.values("a") == {"k": -0.25}
 
 
 # ---- files of sets and mappings ----------------------------------------------------------------
@@ -233,12 +233,14 @@ def test_connectors_of_systems_pass_values_on(tmp_path: Path, fmu: Path) -> None
         connection("in -> a.u"),
         ports="length:parameter:mm in:input",
     )
-    given = {"total": (3000.0, "mm"), "s.in": (40.0, "mm")}
+    bound_values = {"total": (3000.0, "mm"), "s.in": (40.0, "mm")}
     total = connection("total -> s.length", linear(offset=100.0))
-    found = read(tmp_path, fmu, inside, total, ports="total:parameter:m", bindings=binding(ssv(**given)))
+    actual = read(
+        tmp_path, fmu, inside, total, ports="total:parameter:m", bindings=binding(ssv(**bound_values))
+    )
     # 3 m are 3000 mm, and 100 more; 2 (3.1 m); `in` has the unit of the input that it leads to
-    assert found.values("s.a") == {"k": pytest.approx(3.1), "u": pytest.approx(0.04)}
-    assert found.values("s.b") == {"k": pytest.approx(6.2)}
+    assert actual.values("s.a") == {"k": pytest.approx(3.1), "u": pytest.approx(0.04)}
+    assert actual.values("s.b") == {"k": pytest.approx(6.2)}
 
 
 @pytest.mark.parametrize(("outer", "expected"), [("", 2.0), (binding(ssv(**{"s.a.k": 4.0})), 4.0)])
@@ -261,24 +263,24 @@ def test_connected_variable_has_the_value_of_its_first_source(
     sets: list[dict], tmp_path: Path, fmu: Path
 ) -> None:
     """OMSimulator 3.0.0 computes the same in its example import_export_parameters1."""
-    given = [binding(ssv(**values)) for values in sets]
-    found = read(tmp_path, fmu, INNER, bindings="".join(given))
-    assert found.values("s.a") == {"k": 3.0}
-    assert [note for note in found.notes if "s.a.k = 4.0 has no effect: it is connected to s.p" in note]
-    given.insert(0, binding(ssv(q=2.0)))
+    bindings = [binding(ssv(**values)) for values in sets]
+    actual = read(tmp_path, fmu, INNER, bindings="".join(bindings))
+    assert actual.values("s.a") == {"k": 3.0}
+    assert [note for note in actual.notes if "s.a.k = 4.0 has no effect: it is connected to s.p" in note]
+    bindings.insert(0, binding(ssv(q=2.0)))
     outer = connection("q -> s.p")
-    found = read(tmp_path, fmu, INNER, outer, ports="q:parameter", bindings="".join(given))
-    assert found.values("s.a") == {"k": 2.0}
-    assert sum("has no effect" in note for note in found.notes) == 2
+    actual = read(tmp_path, fmu, INNER, outer, ports="q:parameter", bindings="".join(bindings))
+    assert actual.values("s.a") == {"k": 2.0}
+    assert sum("has no effect" in note for note in actual.notes) == 2
 
 
 def test_value_in_a_unit_reaches_inputs_of_other_units(tmp_path: Path, fmu: Path) -> None:
     parts = component("a", "a.fmu", "u:input"), component("b", "b.fmu", "u:input")
     wires = connection("in -> a.u"), connection("in -> b.u")
     files = {"b__fmu": fake_fmu(tmp_path / "b.fmu", "u:input:mm")}
-    given = binding(ssv(**{"in": (5.0, "mm")}))
-    found = read(tmp_path, fmu, *parts, *wires, ports="in:input", bindings=given, files=files)
-    assert (found.values("a"), found.values("b")) == ({"u": pytest.approx(5e-3)}, {"u": 5.0})
+    bindings = binding(ssv(**{"in": (5.0, "mm")}))
+    actual = read(tmp_path, fmu, *parts, *wires, ports="in:input", bindings=bindings, files=files)
+    assert (actual.values("a"), actual.values("b")) == ({"u": pytest.approx(5e-3)}, {"u": 5.0})
 
 
 def test_driven_input_gets_no_value(tmp_path: Path, fmu: Path) -> None:

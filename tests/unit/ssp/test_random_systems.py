@@ -21,12 +21,12 @@ from tests.support import tiers
 from tests.support.ssp_documents import ITEMS, UNITS, fake_fmu
 
 LENGTHS = {"m": UNITS["m"], "mm": UNITS["mm"], "inch": 'm="1" factor="0.0254"', "odd": 'm="1" offset="0.5"'}
-OTHER = {**LENGTHS, "odd": 'm="1" factor="3" offset="-2"', "mm": 'm="1" factor="0.002"'}
+OTHER_UNITS = {**LENGTHS, "odd": 'm="1" factor="3" offset="-2"', "mm": 'm="1" factor="0.002"'}
 """The same names for other units."""
 MODELS = {
     "short": (LENGTHS, "u:input:mm", "v:input", "y:output:m", "k:parameter:m", "x:output:inch:exact"),
-    "long": (OTHER, "u:input:odd", "v:input:mm", "y:output:mm", "k:parameter:odd", "n:parameter:Integer",
-             "on:parameter:Boolean", "mode:parameter:Enumeration", "a.b:parameter:m",
+    "long": (OTHER_UNITS, "u:input:odd", "v:input:mm", "y:output:mm", "k:parameter:odd",
+             "n:parameter:Integer", "on:parameter:Boolean", "mode:parameter:Enumeration", "a.b:parameter:m",
              "i:input:Integer", "o:output:Integer"),
     "none": (UNITS, "u:input", "v:input", "y:output", "z.y:output", "k:parameter", "n:parameter:Integer",
              "mode:parameter:Enumeration"),
@@ -100,8 +100,8 @@ def examples(draw: Any) -> Example:
 def drop(components: dict[str, Component], name: str, variable: str) -> None:
     """What is driven has no start value."""
     old = components[name]
-    kept = {n: v for n, v in old.parameters.items() if old.alias(n).variable != variable}
-    components[name] = Component(name, parameters=kept, aliases=old.aliases)
+    remaining = {n: v for n, v in old.parameters.items() if old.alias(n).variable != variable}
+    components[name] = Component(name, parameters=remaining, aliases=old.aliases)
 
 
 @st.composite
@@ -136,8 +136,8 @@ def causality(model: str, variable: str) -> str:
 
 
 def type_of(model: str, variable: str) -> str:
-    found = [f for f in _fields(model, variable)[2:] if f in VALUES]
-    return found[0] if found else "Real"
+    actual = [f for f in _fields(model, variable)[2:] if f in VALUES]
+    return actual[0] if actual else "Real"
 
 
 def unit_of(model: str, variable: str) -> SiUnit | None:
@@ -173,29 +173,29 @@ def test_there_and_back(fmus: dict[str, Path], example: Example) -> None:
     with tempfile.TemporaryDirectory() as folder:
         first = written(Path(folder, "first.ssp"), example.system, files)
         with read_ssp(Path(folder, "first.ssp")) as document:
-            found = document.system
-            theirs = {c.name: c.fmu for c in found.components if c.fmu is not None}
-            second = written(Path(folder, "second.ssp"), found, theirs)
-            interfaces = {name: read_interface(file) for name, file in theirs.items()}
-            plain = resolve_system(found, interfaces)
+            actual = document.system
+            fmus_by_name = {c.name: c.fmu for c in actual.components if c.fmu is not None}
+            second = written(Path(folder, "second.ssp"), actual, fmus_by_name)
+            interfaces = {name: read_interface(file) for name, file in fmus_by_name.items()}
+            plain = resolve_system(actual, interfaces)
         assert second == first
     assert document.stop_time == 12.25 and document.step_size == 1e-3 and document.notes == []
     check_equal(resolve_system(example.system, interfaces), plain, interfaces)
 
 
-def check_equal(expected: System, found: System, interfaces: dict[str, Interface]) -> None:
+def check_equal(expected: System, actual: System, interfaces: dict[str, Interface]) -> None:
     """The same values and connections; start values may be given where they are the defaults."""
-    assert {c.name for c in found.components} == {c.name for c in expected.components}
+    assert {c.name for c in actual.components} == {c.name for c in expected.components}
     for component in expected.components:
         starts = {n: v.start for n, v in interfaces[component.name].variables.items() if v.start is not None}
         values = [
             {n: as_number(v) for n, v in {**starts, **c.parameters}.items()}
-            for c in (component, found.component(component.name))
+            for c in (component, actual.component(component.name))
         ]
         driven = {x.input for x in expected.connections if x.target == component.name}
         assert values[1] == values[0]
-        assert not driven & set(found.component(component.name).parameters)
-    wires = [{str(x): x.transformation for x in s.connections} for s in (expected, found)]
+        assert not driven & set(actual.component(component.name).parameters)
+    wires = [{str(x): x.transformation for x in s.connections} for s in (expected, actual)]
     assert wires[0] == wires[1]
 
 

@@ -38,15 +38,15 @@ def test_replaced_component(fmu_folder: Path, foreign_plant: Path) -> None:
     """Its file may have any name; a value set by the FMU's name leaves the mapping."""
     folder(Path("strange"), **{"Plant #1 100%__fmu": foreign_plant})
     options = replaced("lift.plant", "strange/Plant #1 100%.fmu")
-    found = there_and_back("lift", fmu_folder, **options)
+    actual = there_and_back("lift", fmu_folder, **options)
     with zipfile.ZipFile("first.ssp") as archive:
         assert {"resources/lift_plant.ssm", "resources/Plant__1_100_.fmu"} < set(archive.namelist())
-    plant, values = found.system.component("lift.plant"), found.values("lift.plant")
+    plant, values = actual.system.component("lift.plant"), actual.values("lift.plant")
     assert plant.aliases["start.x_L"].variable == "Screw.Start_mm"
     assert values["Screw.Start_mm"] == pytest.approx(1e3 * 0.24 + 850.0)
     assert values["Motor.Rs_mOhm"] == pytest.approx(1e3 * plant.parameters["motor.R_s"])
-    found = there_and_back("first.ssp", fmu_folder, set={"lift.plant.Motor.Rs_mOhm": 77.0})
-    assert found.values("lift.plant")["Motor.Rs_mOhm"] == 77.0
+    actual = there_and_back("first.ssp", fmu_folder, set={"lift.plant.Motor.Rs_mOhm": 77.0})
+    assert actual.values("lift.plant")["Motor.Rs_mOhm"] == 77.0
     with pytest.raises(CommandError, match=r"lift\.plant\.motor\.R_s = much is not a number\."):
         load("lift", fmus=fmu_folder, **options, set={"lift.plant.motor.R_s": "much"}).export(Path("x.ssp"))
 
@@ -61,14 +61,14 @@ def bonded(fmu_folder: Path) -> Path:
 
 
 def test_sampled_components_and_bonds(bonded: Path, fmu_folder: Path) -> None:
-    scenario, found = load("lift", fmus=fmu_folder), load(bonded)
+    scenario, actual = load("lift", fmus=fmu_folder), load(bonded)
     samples = {c.name for c in scenario.system.components if c.samples}
-    assert samples and samples < {c.name for c in found.system.components}
-    assert {c.name for c in found.system.components if c.samples} == samples
-    assert {name: str(bond) for name, bond in found.system.bonds.items()} == {"axis": POWER, "other": POWER}
-    assert not found.notes
-    again = load("lift.ssp", fmus=fmu_folder).export(Path("again.ssp"))
-    assert again.read_bytes() == Path("lift.ssp").read_bytes()
+    assert samples and samples < {c.name for c in actual.system.components}
+    assert {c.name for c in actual.system.components if c.samples} == samples
+    assert {name: str(bond) for name, bond in actual.system.bonds.items()} == {"axis": POWER, "other": POWER}
+    assert not actual.notes
+    repeated = load("lift.ssp", fmus=fmu_folder).export(Path("again.ssp"))
+    assert repeated.read_bytes() == Path("lift.ssp").read_bytes()
 
 
 @pytest.mark.parametrize(

@@ -95,8 +95,8 @@ def written(path: Path, fmus: dict[str, Path], *parts: str, **more: Any) -> Path
     return rooted(path, *parts, files=files, version="2.0", **more)
 
 
-def run(what: Path | System, **options: Any) -> ec.Result:
-    with ec.load(what, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
+def run(source: Path | System, **options: Any) -> ec.Result:
+    with ec.load(source, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
         return simulation.run()
 
 
@@ -110,12 +110,12 @@ def test_whole_arrays_elements_and_values(fmus: dict[str, Path], tmp_path: Path)
         connection("d.u -> c.x", start_indices="2 2"),
         *(connection(f"a.{t}_out -> b.{t}_in") for t in TYPES),
     )
-    found = run(written(tmp_path, fmus, a, b, third("c"), third("d"), *wires))
-    for place, index in enumerate(("1,1", "1,2", "2,1", "2,2")):
-        assert found[f"b.y[{index}]"][-1] == (place + 5) * (place + 1) * (place + 1)
-    assert found["c.y[2,1]"][-1] == 3 * 24.0
-    assert found["c.y[1,2]"][-1] == 2 * 0.5
-    assert found["d.y[2,2]"][-1] == 4 * found["c.x"][-1]
+    result = run(written(tmp_path, fmus, a, b, third("c"), third("d"), *wires))
+    for position, index in enumerate(("1,1", "1,2", "2,1", "2,2")):
+        assert result[f"b.y[{index}]"][-1] == (position + 5) * (position + 1) * (position + 1)
+    assert result["c.y[2,1]"][-1] == 3 * 24.0
+    assert result["c.y[1,2]"][-1] == 2 * 0.5
+    assert result["d.y[2,2]"][-1] == 4 * result["c.x"][-1]
 
 
 def test_versions_mix_and_units_apply_to_each_element(fmus: dict[str, Path], tmp_path: Path) -> None:
@@ -139,9 +139,9 @@ def test_versions_mix_and_units_apply_to_each_element(fmus: dict[str, Path], tmp
         connection("s.out -> t.u", start_indices="2", end_indices="1 1"),
         bindings=binding(values("two.u", "1 2", vector)),
     )
-    found = run(path)
-    assert [found[f"s.three.y[{i}]"][-1] for i in (1, 2)] == [22.0, 32.0]
-    assert found["t.y[1,1]"][-1] == 32.0
+    result = run(path)
+    assert [result[f"s.three.y[{i}]"][-1] for i in (1, 2)] == [22.0, 32.0]
+    assert result["t.y[1,1]"][-1] == 32.0
 
 
 def test_elements_pass_systems_and_signal_dictionaries(fmus: dict[str, Path], tmp_path: Path) -> None:
@@ -175,42 +175,42 @@ def test_elements_pass_systems_and_signal_dictionaries(fmus: dict[str, Path], tm
         '<ssd:SignalDictionary name="bus" source="bus.ssb"/>',
     )
     (path / "bus.ssb").write_text("")
-    found = run(path)
-    assert found["s.t.y[2,2]"][-1] == 4 * found["a.x"][-1] != 0.0
-    assert found["b.y[1,1]"][-1] == found["a.y[2,1]"][-1]
-    assert found["b.y[2,2]"][-1] == 4 * found["s.t.y[2,2]"][-1]
+    result = run(path)
+    assert result["s.t.y[2,2]"][-1] == 4 * result["a.x"][-1] != 0.0
+    assert result["b.y[1,1]"][-1] == result["a.y[2,1]"][-1]
+    assert result["b.y[2,2]"][-1] == 4 * result["s.t.y[2,2]"][-1]
 
 
 def test_replaced_components_keep_the_names_of_elements(fmus: dict[str, Path], tmp_path: Path) -> None:
     aliases = {"k": Alias("gain[2,1]", LinearTransformation(10.0)), "own": Alias("u[1,1]")}
     replaced = Component("a", parameters={"k": 0.5, "own": 3.0}, fmu=fmus["Third"], aliases=aliases)
-    other = Component("b", fmu=fmus["Third"])
-    whole = tuple(
+    other_component = Component("b", fmu=fmus["Third"])
+    array_connections = tuple(
         Connection("a", f"y{index}", "b", f"u{index}") for index in ("[1,1]", "[1,2]", "[2,1]", "[2,2]")
     )
     times = SystemTimes(0.0, STOP, STEP)
-    made = System((replaced, other), whole)
-    write_ssp(tmp_path / "x.ssp", "x", "", made, dict.fromkeys("ab", fmus["Third"]), times)
+    system = System((replaced, other_component), array_connections)
+    write_ssp(tmp_path / "x.ssp", "x", "", system, dict.fromkeys("ab", fmus["Third"]), times)
     with read_ssp(tmp_path / "x.ssp") as document:
-        found = document.system.component("a")
-        assert (found.parameters, found.aliases) == ({"k": 0.5, "own": 3.0}, aliases)
-        assert [str(x) for x in document.system.connections] == [str(x) for x in whole]
+        actual = document.system.component("a")
+        assert (actual.parameters, actual.aliases) == ({"k": 0.5, "own": 3.0}, aliases)
+        assert [str(x) for x in document.system.connections] == [str(x) for x in array_connections]
 
 
 def test_documents_of_version_1_name_elements_or_whole_arrays(fmus: dict[str, Path], tmp_path: Path) -> None:
     ports = "u:input u[1,1]:input:Real y:output y[2,2]:output:Real UInt64_in:input:Integer x:output:Real"
-    given = binding(ssv(**{"gain[2,2]": 7.0, "UInt64_in": 5}))
+    bindings = binding(ssv(**{"gain[2,2]": 7.0, "UInt64_in": 5}))
     parts = (
-        component("a", "Third.fmu", ports, given),
+        component("a", "Third.fmu", ports, bindings),
         component("b", "Third.fmu", ports),
         component("c", "Third.fmu", ports),
         connection("a.y -> b.u"),
         connection("a.y[2,2] -> c.u[1,1]"),
     )
-    found = run(rooted(tmp_path, *parts, files={"Third__fmu": fmus["Third"]}))
-    assert found["b.y[2,2]"][-1] == 4 * 7.0 * 0.5
-    assert found["c.y[1,1]"][-1] == 7.0 * 0.5
-    assert found["a.UInt64_out"][-1] == 5
+    result = run(rooted(tmp_path, *parts, files={"Third__fmu": fmus["Third"]}))
+    assert result["b.y[2,2]"][-1] == 4 * 7.0 * 0.5
+    assert result["c.y[1,1]"][-1] == 7.0 * 0.5
+    assert result["a.UInt64_out"][-1] == 5
 
 
 def test_mappings_apply_to_arrays(fmus: dict[str, Path], tmp_path: Path) -> None:
@@ -231,8 +231,10 @@ def test_binary_values_pass_through_packages(fmus: dict[str, Path], tmp_path: Pa
     with read_ssp(path) as document:
         files = dict.fromkeys("ab", fmus["Third"])
         write_ssp(tmp_path / "x.ssp", "x", "", document.system, files, SystemTimes(0.0, STOP, STEP))
-    found = [list(run(one, signals=["b.checksum"])["b.checksum"]) for one in (path, tmp_path / "x.ssp")]
-    assert found[0] == found[1] and len(set(found[0])) > 1
+    actual = [
+        list(run(source, signals=["b.checksum"])["b.checksum"]) for source in (path, tmp_path / "x.ssp")
+    ]
+    assert actual[0] == actual[1] and len(set(actual[0])) > 1
 
 
 A_B = third("a"), third("b")
@@ -299,8 +301,8 @@ def test_several_values_without_dimensions_are_a_vector_with_lenient(
 def test_files_of_parameters_have_arrays(fmus: dict[str, Path], tmp_path: Path) -> None:
     file = tmp_path / "x.ssv"
     file.write_text(values("a.gain", "1 2 3 9", TWO_BY_TWO))
-    found = run(System.of({"a": fmus["Third"], "b": fmus["Pair"]}), parameters=[file])
-    assert found["a.y[2,2]"][-1] == 4.5
+    result = run(System.of({"a": fmus["Third"], "b": fmus["Pair"]}), parameters=[file])
+    assert result["a.y[2,2]"][-1] == 4.5
     file.write_text(values("a.gain", "1 2", '<ssc:Dimension size="2"/>'))
     with pytest.raises(CommandError, match=r"line .*dimensions 2, but a.gain has the dimensions 2 x 2"):
         run(System.of({"a": fmus["Third"], "b": fmus["Pair"]}), parameters=[file])
@@ -395,8 +397,8 @@ def test_pyssp_standard_reads_the_package(exported: tuple[Path, Path], tmp_path:
 def test_oldest_sufficient_version_is_written(
     connections: list[str], given: dict[str, Any], version: str, fmus: dict[str, Path], tmp_path: Path
 ) -> None:
-    made = System.of({"a": fmus["Third"], "b": fmus["Pair"]}, connections, given)
-    ec.load(made, step_size=STEP, stop_time=STOP).export(tmp_path / "x.ssp")
+    system = System.of({"a": fmus["Third"], "b": fmus["Pair"]}, connections, given)
+    ec.load(system, step_size=STEP, stop_time=STOP).export(tmp_path / "x.ssp")
     with zipfile.ZipFile(tmp_path / "x.ssp") as archive:
         texts = [archive.read(n).decode() for n in archive.namelist() if n.endswith((".ssd", ".ssv"))]
     assert all(f'version="{version}"' in text for text in texts)

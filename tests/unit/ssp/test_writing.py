@@ -51,9 +51,9 @@ def test_value_belongs_to_its_component(first: Component, tmp_path: Path) -> Non
     variables = ("b:parameter",) if first.aliases else ("k:parameter", "b:parameter")
     fmus = {"j.a": fake_fmu(tmp_path / "a.fmu", *variables)}
     fmus["j.b"] = fake_fmu(tmp_path / "b.fmu", "k:parameter")
-    found = exported(tmp_path, System((first, Component("j.b", parameters={"k": 3.0})), ()), fmus)
-    assert (found.values("j.a"), found.values("j.b")) == (first.parameters, {"k": 3.0})
-    assert [c.aliases for c in found.system.components] == [first.aliases, {}]
+    actual = exported(tmp_path, System((first, Component("j.b", parameters={"k": 3.0})), ()), fmus)
+    assert (actual.values("j.a"), actual.values("j.b")) == (first.parameters, {"k": 3.0})
+    assert [c.aliases for c in actual.system.components] == [first.aliases, {}]
 
 
 def test_component_without_values_has_no_parameter_file(tmp_path: Path, fmu: Path) -> None:
@@ -86,8 +86,8 @@ def test_connections_of_all_types(tmp_path: Path) -> None:
 def test_names_stay(names: list[str], tmp_path: Path, fmu: Path) -> None:
     """Also where the files of components would have the same name."""
     components = [Component(name, parameters={"k": float(i)}) for i, name in enumerate(names, 1)]
-    found = exported(tmp_path, System(tuple(components), ()), dict.fromkeys(names, fmu)).system.components
-    assert [(c.name, c.parameters) for c in found] == [(c.name, c.parameters) for c in components]
+    actual = exported(tmp_path, System(tuple(components), ()), dict.fromkeys(names, fmu)).system.components
+    assert [(c.name, c.parameters) for c in actual] == [(c.name, c.parameters) for c in components]
 
 
 @pytest.mark.parametrize(("type_", "value", "expected"), [("Boolean", "true", True), ("Integer", "7", 7)])

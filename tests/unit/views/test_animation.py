@@ -42,9 +42,9 @@ def test_frames_in_the_file_equal_those_of_the_film() -> None:
     stream, progress = BytesIO(), Counted()
     write_gif(Square(), stream, progress)
     assert progress.count == 12
-    with Image.open(stream) as found:
-        assert (found.format, found.info["loop"]) == ("GIF", 0)
-        frames = [(f.info["duration"], np.asarray(f.convert("RGB"))) for f in ImageSequence.Iterator(found)]
+    with Image.open(stream) as actual:
+        assert (actual.format, actual.info["loop"]) == ("GIF", 0)
+        frames = [(f.info["duration"], np.asarray(f.convert("RGB"))) for f in ImageSequence.Iterator(actual)]
     assert len(frames) == 12
     assert [duration for duration, _ in frames] == 11 * [100] + [1500]
     for index, (_, frame) in enumerate(frames):
@@ -67,7 +67,7 @@ def test_missing_signals_are_named() -> None:
     names = [f"{joint}.plant.x_L" for joint in joints]
     names += [f"machine.{x}[{i}]" for x in ("trajectory.x_d", "manipulator.F_L") for i in (1, 2, 3)]
     check_animated("it", names, names, MACHINE_ROLES)
-    with pytest.raises(CommandError) as found:
+    with pytest.raises(CommandError) as caught:
         check_animated("it", names, names[2:], MACHINE_ROLES)
     words = "an animation needs signals that are not recorded: lift.plant.x_L and tilt.plant.x_L."
-    assert str(found.value) == words
+    assert str(caught.value) == words

@@ -25,7 +25,7 @@ def panel(values: np.ndarray, label: str = "x / m", column: str = "lift", **more
 
 
 @dataclass
-class Known:
+class KnownResult:
     """As much of a result as a picture looks at."""
 
     metrics: dict[str, Any]
@@ -42,10 +42,10 @@ class Known:
 
 def resolved(curve: Curve, bound: RangeLimit | None = None, **known: Any) -> Plot:
     power = {"j.F": 2.0 + TIME, "j.v": np.cos(TIME), "j.other": TIME**2}
-    result = Known({"joints": {"j": {}}}, power, **known)
+    result = KnownResult({"joints": {"j": {}}}, power, **known)
     picture = Picture("p", (PanelSpec("l", (curve,), bound=bound),), "joints")
-    (found,) = picture.resolve_panels(result, {"time": TIME, **power})  # pyright: ignore[reportArgumentType]
-    return found
+    (actual,) = picture.resolve_panels(result, {"time": TIME, **power})  # pyright: ignore[reportArgumentType]
+    return actual
 
 
 @pytest.mark.parametrize(
@@ -87,8 +87,8 @@ def test_time_is_linear_and_shared_by_rows_of_one_part() -> None:
 
 
 def test_a_legend_hides_no_curve() -> None:
-    shown = Plot("x", (Line("one", TIME, MOVE), Line("two", TIME, -MOVE, dashed=True)), column="a")
-    figure = draw_panels([shown, Plot("x", (Line("one", TIME, MOVE),), column="b")], "t", "r")
+    message = Plot("x", (Line("one", TIME, MOVE), Line("two", TIME, -MOVE, dashed=True)), column="a")
+    figure = draw_panels([message, Plot("x", (Line("one", TIME, MOVE),), column="b")], "t", "r")
     legends = [axes.get_legend() for axes in figure.axes]
     assert legends[0] is None
     assert [text.get_text() for text in legends[1].get_texts()] == ["one", "two"]
@@ -99,8 +99,8 @@ def test_a_legend_hides_no_curve() -> None:
 
 @pytest.mark.parametrize(("high", "shaded"), [(1.1, 1), (0.9, 1), (5.0, 0)])
 def test_limit_near_a_curve_is_shaded(high: float, shaded: int) -> None:
-    shown = panel(MOVE, limits=(Limit("largest", None, high),))
-    (axes,) = draw_panels([shown], "t", "r").axes
+    drawn_panel = panel(MOVE, limits=(Limit("largest", None, high),))
+    (axes,) = draw_panels([drawn_panel], "t", "r").axes
     assert len(axes.patches) == shaded
     assert axes.get_ylim()[1] < 1.3  # a limit far away must not flatten the curve
     legend = axes.get_legend()
@@ -148,7 +148,7 @@ def test_data_of_an_input_are_drawn() -> None:
     constant, measured = np.full(2001, 5e4), 5e4 + 1e3 * MOVE
     for signal in ("j.disturbance.F_L", "j.plant.F_L"):
         data = {"j.plant.tau_m": MOVE, "j.disturbance.F_L": constant, f"input.{signal}": measured}
-        result: Any = Known({"joints": {"j": {}}}, data)
+        result: Any = KnownResult({"joints": {"j": {}}}, data)
         torque = JOINT_FIGURES["torque"]
         read = {name: data[name] for name in torque.signals(result)}
         _, load = torque.resolve_panels(result, {"time": TIME, **read})
@@ -159,14 +159,14 @@ def test_data_of_an_input_are_drawn() -> None:
 def test_errors_show_the_load_beside_the_screw(criteria: dict[str, Any], window: float) -> None:
     data = {"j.plant.x_L": MOVE, "j.reference.x_d": MOVE, "j.plant.load.x": MOVE + 2e-4}
     record = {"settings": {"criteria": criteria}}
-    result: Any = Known({"joints": {"j": {}}}, data, record=record)
+    result: Any = KnownResult({"joints": {"j": {}}}, data, record=record)
     panels = JOINT_FIGURES["errors"].resolve_panels(result, {"time": TIME, **data})
     errors = {one.label: one for one in panels}
     load = errors["load position / µm, settled"]
     np.testing.assert_allclose(load.lines[0].values, 200.0, rtol=1e-9)
     for one in (load, errors["position / µm, settled"]):
         assert one.limits == (Limit("position window", -window, window),)
-    rigid: Any = Known({"joints": {"j": {}}}, {name: data[name] for name in list(data)[:2]})
+    rigid: Any = KnownResult({"joints": {"j": {}}}, {name: data[name] for name in list(data)[:2]})
     labels = [
         one.label for one in JOINT_FIGURES["errors"].resolve_panels(rigid, {"time": TIME, **rigid.data})
     ]
@@ -185,16 +185,16 @@ def test_constant_signals_take_no_row() -> None:
     "values", [np.full(2001, np.nan), np.full(2001, np.inf), 1e308 * MOVE, np.where(TIME > 1.0, np.nan, TIME)]
 )
 def test_non_finite_values_are_drawn(values: np.ndarray) -> None:
-    shown = [panel(values, limits=(Limit("largest", -1.0, 1.0),))]
-    assert draw_panels(shown, "t", "r").axes
+    panels = [panel(values, limits=(Limit("largest", -1.0, 1.0),))]
+    assert draw_panels(panels, "t", "r").axes
 
 
 def test_headline_has_names_of_files_without_folders(tmp_path: Path) -> None:
     data = [{"file": str(tmp_path / name), "signals": {}} for name in ("load.csv", "way.csv")]
     changed = {"set": {"a.b": "30 kN"}, "actuator": {"lift": str(tmp_path / "sheet.toml")}, "input": data}
-    result: Any = Known({}, {}, record={"changed": changed})
-    said = "Run of study with a.b 30 kN, actuator lift sheet.toml, input load.csv and way.csv"
-    assert format_headline(result) == said
+    result: Any = KnownResult({}, {}, record={"changed": changed})
+    message = "Run of study with a.b 30 kN, actuator lift sheet.toml, input load.csv and way.csv"
+    assert format_headline(result) == message
 
 
 @pytest.mark.parametrize(
@@ -208,16 +208,16 @@ def test_headline_has_names_of_files_without_folders(tmp_path: Path) -> None:
 )
 def test_settled_panels_begin_where_errors_count(figures: dict[str, Any], begin: float) -> None:
     power = {"j.F": 2.0 + TIME, "k.F": TIME}
-    result: Any = Known({"joints": {"j": figures, "k": {"evaluated_from_s": 0.7}}}, power)
+    result: Any = KnownResult({"joints": {"j": figures, "k": {"evaluated_from_s": 0.7}}}, power)
     panels = (PanelSpec("all", (Curve("", "F"),)), PanelSpec("settled", (Curve("", "F"),), "settled"))
-    found = Picture("p", panels, "joints").resolve_panels(result, {"time": TIME, **power})
-    starts = {(panel.label, panel.column): panel.lines[0].time[0] for panel in found}
+    actual = Picture("p", panels, "joints").resolve_panels(result, {"time": TIME, **power})
+    starts = {(panel.label, panel.column): panel.lines[0].time[0] for panel in actual}
     assert starts["all", "j"] == starts["all", "k"] == TIME[0]
     assert starts["settled", "j"] == TIME[TIME >= begin][0]
     assert starts["settled", "k"] == TIME[TIME >= 0.7][0]
 
 
-def many(count: int) -> Known:
+def many(count: int) -> KnownResult:
     """As many joints, of which the errors grow; the second is not held, and the third has no error."""
     metrics = {
         f"j{i}": {
@@ -229,7 +229,7 @@ def many(count: int) -> Known:
         }
         for i in range(count)
     }
-    return Known({"joints": metrics}, {f"j{i}.F": np.sin(TIME + i) for i in range(count)})
+    return KnownResult({"joints": metrics}, {f"j{i}.F": np.sin(TIME + i) for i in range(count)})
 
 
 WORST = Picture("Forces", (PanelSpec("F / N", (Curve("", "F"),)),), "joints", worst="position_error_m")
@@ -247,7 +247,7 @@ def test_worst_of_many_joints_are_drawn(count: int, shown: list[str], title: str
     result: Any = many(count)
     assert list(WORST.signals(result)) == [f"{joint}.F" for joint in shown]
     panels = WORST.resolve_panels(result, {"time": TIME, **result.data})
-    assert [one.column for one in panels] == shown
+    assert [panel.column for panel in panels] == shown
     figure = WORST.drawn(result, {"time": TIME, **result.data})
     assert figure is not None and figure.get_suptitle() == title
     assert [axes.get_title() for axes in figure.axes] == shown
@@ -273,8 +273,8 @@ def test_map_shows_all_joints() -> None:
     assert figure.get_suptitle() == "All 60 joints: 1 not held, in red"
     scales = {"position_error_m": 1e6, "settling_time_s": 1e3, "torque_peak_N_m": 1.0}
     for axes, (name, scale) in zip(figure.axes, scales.items(), strict=True):
-        held, other = axes.lines
-        values = np.array([one[name] for one in result.metrics["joints"].values()]) * scale
-        assert list(other.get_xdata()) == [1] and other.get_ydata()[0] == pytest.approx(values[1])
-        np.testing.assert_allclose(held.get_ydata(), np.delete(values, 1))
+        held_line, other_line = axes.lines
+        values = np.array([metrics[name] for metrics in result.metrics["joints"].values()]) * scale
+        assert list(other_line.get_xdata()) == [1] and other_line.get_ydata()[0] == pytest.approx(values[1])
+        np.testing.assert_allclose(held_line.get_ydata(), np.delete(values, 1))
     assert [label.get_text() for label in figure.axes[-1].get_xticklabels()] == list(result.metrics["joints"])

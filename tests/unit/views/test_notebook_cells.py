@@ -33,9 +33,9 @@ def result(simulation: ec.Simulation) -> ec.Result:
     return simulation.run()
 
 
-def parse(shown: Any) -> ElementTree.Element:
+def parse(displayed: Any) -> ElementTree.Element:
     """Return the cell of an object, which is valid HTML without scripts and addresses of other sites."""
-    text = f"<!DOCTYPE html><title>cell</title>{shown._repr_html_()}"
+    text = f"<!DOCTYPE html><title>cell</title>{displayed._repr_html_()}"
     root = html5lib.HTMLParser(strict=True, namespaceHTMLElements=False).parse(text)
     body = root.find("body")
     assert [element.tag for element in body] == ["div"]
@@ -61,8 +61,8 @@ def test_numbers_are_those_of_the_metrics(result: ec.Result) -> None:
     assert heads == ["", "lift", ""]
     figures = result.metrics["joints"]["lift"]
     assert rows == [
-        [shown.label, format_figure(figures[shown.name], shown), shown.unit]
-        for shown in result.shown["joints"]
+        [display.label, format_figure(figures[display.name], display), display.unit]
+        for display in result.shown["joints"]
     ]
     text = read(cell)
     assert text.startswith("✓ Run of lift with stop_time 0.4 Completed; all joints held.")
@@ -114,22 +114,22 @@ def test_systems_show_components_and_connections(simulation: ec.Simulation, fmu_
     assert repr(simulation) == (
         "<Simulation of lift: 5 components, 21 connections, 0 s to 0.4 s, step 0.0001 s>"
     )
-    for shown in (scenario, scenario.system, simulation):
-        cell = parse(shown)
+    for displayed in (scenario, scenario.system, simulation):
+        cell = parse(displayed)
         assert len(list(cell.iter(f"{SVG}rect"))) == 5
         assert [row[0] for row in cells(cell.find(".//table"))[1:]] == [
             component.name for component in scenario.system.components
         ]
         connections = [read(code) for code in cell.iter("code")]
-        assert connections == [str(connection) for connection in shown_system(shown).connections]
+        assert connections == [str(connection) for connection in shown_system(displayed).connections]
     with ec.load("lift", fmus=fmu_folder).prepare() as closed:
         pass
     assert repr(closed).startswith("<closed Simulation of lift")
     parse(closed)
 
 
-def shown_system(shown: ec.Scenario | ec.System | ec.Simulation) -> ec.System:
-    return shown if isinstance(shown, ec.System) else shown.system
+def shown_system(displayed: ec.Scenario | ec.System | ec.Simulation) -> ec.System:
+    return displayed if isinstance(displayed, ec.System) else displayed.system
 
 
 def test_large_systems_are_shortened() -> None:
@@ -186,8 +186,8 @@ def test_hostile_names_are_text(result: ec.Result, fmu_folder: Path) -> None:
     fmus = tuple(replace(fmu, model=HOSTILE, path=HOSTILE, tool=HOSTILE) for fmu in content.fmus)
     info = replace(content, name=HOSTILE, description=HOSTILE, fmus=fmus, variables=variables)
     sweep = replace(swept({"a": range(3)}, {"plain": [1.0, 2.0, 3.0]}, status=["done"] * 3), name=HOSTILE)
-    for shown in (system, scenario, run, info, sweep):
-        text = "".join(parse(shown).itertext())
+    for displayed in (system, scenario, run, info, sweep):
+        text = "".join(parse(displayed).itertext())
         assert VISIBLE in text
         assert not {"\x1b", "\u202e"} & set(text)
 
@@ -197,8 +197,8 @@ def test_systems_are_shown_without_packages_for_plots() -> None:
         "import sys, emla_cosim as ec; ec.load('lift')._repr_html_(); "
         "print(sorted({'matplotlib', 'bokeh', 'scipy', 'casadi'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert process.stdout.strip() == "[]"
 
 
 def test_verification_shows_verdicts_and_findings(fmu_folder: Path) -> None:

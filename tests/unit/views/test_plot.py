@@ -27,7 +27,9 @@ from tests.support.tiers import mostly_slow
 Columns = Mapping[str, Any]
 
 
-def kept(folder: Path, columns: Columns, units: Mapping[str, str] | None = None, form: str = "csv") -> Path:
+def write_run(
+    folder: Path, columns: Columns, units: Mapping[str, str] | None = None, form: str = "csv"
+) -> Path:
     """A folder of results with these columns; without units it has no run.json."""
     folder.mkdir(parents=True)
     frame = polars.DataFrame({name: np.asarray(values, float) for name, values in columns.items()})
@@ -38,9 +40,9 @@ def kept(folder: Path, columns: Columns, units: Mapping[str, str] | None = None,
     return folder
 
 
-def drawn(*places: Path, **how: Any) -> tuple[list[Any], list[str]]:
+def drawn(*paths: Path, **how: Any) -> tuple[list[Any], list[str]]:
     """The axes of the picture of these runs, and what is said."""
-    overlay = overlay_runs(read_traces(places), **how)
+    overlay = overlay_runs(read_traces(paths), **how)
     return [axes for axes in overlay.figure.axes if axes.get_visible()], list(overlay.notes)
 
 
@@ -49,9 +51,9 @@ def curves(axes: Any) -> dict[str, tuple[list[float], list[float]]]:
 
 
 def test_runs_of_different_steps_are_overlaid(tmp_path: Path) -> None:
-    a = kept(tmp_path / "a", {"time": [0, 1, 2], "x": [1, 2, 3], "v": [0, 0, 0]}, {"x": "m", "v": "m/s"})
-    b = kept(tmp_path / "b", {"time": [0, 0.5], "x": [1, 5]}, form="parquet")
-    c = kept(tmp_path / "c", {"time": [0, 9], "x": [7, 8]}, {"x": "mm"})
+    a = write_run(tmp_path / "a", {"time": [0, 1, 2], "x": [1, 2, 3], "v": [0, 0, 0]}, {"x": "m", "v": "m/s"})
+    b = write_run(tmp_path / "b", {"time": [0, 0.5], "x": [1, 5]}, form="parquet")
+    c = write_run(tmp_path / "c", {"time": [0, 9], "x": [7, 8]}, {"x": "mm"})
     axes, notes = drawn(a, b, c)
     titles = [(x.get_title(loc="left"), x.get_ylabel()) for x in axes]
     assert titles == [("x", "m"), ("x", "mm"), ("v", "m/s")]
@@ -63,12 +65,12 @@ def test_runs_of_different_steps_are_overlaid(tmp_path: Path) -> None:
 
 def test_one_run_has_panels_by_unit_within_the_times(tmp_path: Path) -> None:
     columns = {"time": [0, 1, 2, 3], "a.x": [1, 2, 3, 4], "a.v": [0, 1, 0, 1], "b.x": [4, 3, 2, 1]}
-    place = kept(tmp_path / "a", columns, {"a.x": "m", "b.x": "m"})
-    axes, notes = drawn(place, begin=1.0, end=2.0)
+    path = write_run(tmp_path / "a", columns, {"a.x": "m", "b.x": "m"})
+    axes, notes = drawn(path, begin=1.0, end=2.0)
     assert [list(curves(x)) for x in axes] == [["a.x", "b.x"], ["a.v"]] and notes == []
     assert [x.get_ylabel() for x in axes] == ["m", ""]
     assert curves(axes[0])["b.x"] == ([1, 2], [3, 2])
-    assert [list(curves(x)) for x in drawn(place, patterns=["b.*"])[0]] == [["b.x"]]
+    assert [list(curves(x)) for x in drawn(path, patterns=["b.*"])[0]] == [["b.x"]]
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
@@ -76,7 +78,9 @@ def test_long_table_reports_rows_that_are_not_drawn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str
 ) -> None:
     monkeypatch.setattr(panel_drawing, "MOST_ROWS", 100)
-    long, whole = (kept(tmp_path / str(n), {"time": range(n), "x": range(n)}, form=form) for n in (101, 100))
+    long, whole = (
+        write_run(tmp_path / str(n), {"time": range(n), "x": range(n)}, form=form) for n in (101, 100)
+    )
     axes, notes = drawn(long, whole)
     assert notes == ["101: 51 of 101 rows drawn."]
     assert [len(x) for x, _ in curves(axes[0]).values()] == [51, 100]
@@ -87,7 +91,9 @@ def test_pictures_report_rows_that_are_not_drawn(monkeypatch: pytest.MonkeyPatch
         result = simulation.run(output_interval=1e-4)
 
     def corner() -> set[str]:
-        texts = [text.get_text() for _, figure in pictures.drawn(result) if figure for text in figure.texts]
+        texts = [
+            text.get_text() for _, figure in pictures.draw_figures(result) if figure for text in figure.texts
+        ]
         return {text for text in texts if "rows" in text}
 
     assert corner() == set()
@@ -98,13 +104,13 @@ def test_pictures_report_rows_that_are_not_drawn(monkeypatch: pytest.MonkeyPatch
 def test_default_signals_of_joints(tmp_path: Path) -> None:
     names = ("time", "lift.plant.x_L", "lift.plant.v_L", "lift.reference.x_d", "p")
     columns = {name: [0, 1] for name in names}
-    place = kept(tmp_path / "a", columns, {})
-    axes, notes = drawn(place)
+    path = write_run(tmp_path / "a", columns, {})
+    axes, notes = drawn(path)
     assert [list(curves(x)) for x in axes] == [["lift.plant.x_L", "lift.reference.x_d"]]
     assert notes == ["2 of 4 signals are plotted; --signals selects others."]
     roles = {"j.x_L": "p", "j.x_d": "lift.plant.v_L"}
-    (place / "run.json").write_text(json.dumps({"settings": {"roles": roles}}))
-    assert {"p", "lift.plant.v_L"} <= curves(drawn(place)[0][0]).keys()
+    (path / "run.json").write_text(json.dumps({"settings": {"roles": roles}}))
+    assert {"p", "lift.plant.v_L"} <= curves(drawn(path)[0][0]).keys()
 
 
 def test_peak_of_one_row_is_drawn() -> None:
@@ -131,9 +137,9 @@ def test_condensed_curve_keeps_edges_of_gaps(gaps: list[tuple[int, int]], level:
     for first, end in gaps:
         values[first:end] = np.nan
     edges = {i for first, end in gaps for i in (first - 1, first, end - 1, end) if 0 <= i < len(values)}
-    found = condense_curves(np.linspace(2.0, 3.0, 1000), [values], 200)
-    assert edges <= set(found.tolist())
-    assert {0, 999} <= set(found.tolist()) and len(found) <= 200
+    actual = condense_curves(np.linspace(2.0, 3.0, 1000), [values], 200)
+    assert edges <= set(actual.tolist())
+    assert {0, 999} <= set(actual.tolist()) and len(actual) <= 200
 
 
 FORMATS = [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")]
@@ -144,7 +150,7 @@ def test_format_of_the_ending_and_foreign_files(
     ending: str, begin: bytes, tmp_path: Path, emla: Emla, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    kept(tmp_path / "a", {"time": [0, 1], "x": [2, 3]})
+    write_run(tmp_path / "a", {"time": [0, 1], "x": [2, 3]})
     name = f"plot.{ending}"
     content = list[bytes]()
     for _ in range(2):
@@ -163,7 +169,7 @@ def test_format_of_the_ending_and_foreign_files(
 @pytest.mark.parametrize(("layout", "width"), [("screen", 8.7), ("one-column", 3.46), ("two-columns", 7.13)])
 def test_layouts_have_the_width_of_a_column(layout: str, width: float, tmp_path: Path) -> None:
     names = {f"machine.component.signal_{i}": [0, i] for i in range(3)}
-    traces = read_traces([kept(tmp_path / "a", {"time": [0, 1], **names})])
+    traces = read_traces([write_run(tmp_path / "a", {"time": [0, 1], **names})])
     figure = overlay_runs(traces, layout=layout).figure
     assert figure.get_figwidth() == pytest.approx(width)
     figure.draw_without_rendering()
@@ -177,8 +183,8 @@ def test_layouts_have_the_width_of_a_column(layout: str, width: float, tmp_path:
 def test_legends_above_panels_cover_nothing(layout: str, runs: int, tmp_path: Path) -> None:
     """They name the signal of the panel, and do not take the height of its curves."""
     columns = {"time": [0, 1], **{f"telescope.controller.signal_{i}": [0, i] for i in range(6)}}
-    places = [kept(tmp_path / name, columns, dict.fromkeys(columns, "m")) for name in ("first", "second")]
-    figure = overlay_runs(read_traces(places[:runs]), layout=layout).figure
+    paths = [write_run(tmp_path / name, columns, dict.fromkeys(columns, "m")) for name in ("first", "second")]
+    figure = overlay_runs(read_traces(paths[:runs]), layout=layout).figure
     figure.draw_without_rendering()
     below = figure.bbox.y1
     for axes in figure.axes:
@@ -203,38 +209,38 @@ def test_result_prints_as_a_table(fmu_folder: Path) -> None:
 
 def test_number_of_panels_is_bounded(tmp_path: Path) -> None:
     columns = {"time": [0, 1], **{f"s{i}.{'n' * 300}": [i, i] for i in range(1000)}}
-    place = kept(tmp_path / "a", columns)
+    path = write_run(tmp_path / "a", columns)
     with pytest.raises(ec.CommandError, match=r"1000 signals need 167 panels, but a plot has at most 24;"):
-        drawn(place, patterns=["*"])
-    axes, notes = drawn(place)
+        drawn(path, patterns=["*"])
+    axes, notes = drawn(path)
     assert len(axes) == MOST_PANELS
     assert notes == ["144 of 1000 signals are plotted; --signals selects others."]
-    assert len(drawn(place, place)[0]) == MOST_PANELS
+    assert len(drawn(path, path)[0]) == MOST_PANELS
 
 
 @pytest.mark.parametrize("name", ["$x^2$", "_hidden", "*?[x]#", "line\nbreak"])
 def test_names_are_not_markup(name: str, tmp_path: Path) -> None:
-    place = kept(tmp_path / "$a_b$", {"time": [0, 1], name: [0, 1]}, {name: "$m"})
-    axes, _ = drawn(place, patterns=[name])
+    path = write_run(tmp_path / "$a_b$", {"time": [0, 1], name: [0, 1]}, {name: "$m"})
+    axes, _ = drawn(path, patterns=[name])
     axes[0].figure._repr_png_()
     texts = axes[0].get_legend().get_texts()
     assert [text.get_text() for text in texts] == [name] and not any(text.get_parse_math() for text in texts)
 
 
 def test_unfinished_table_is_drawn(tmp_path: Path) -> None:
-    place = kept(tmp_path / "a", {"time": [0, 1], "x": [2, 3]})
-    with (place / "results.csv").open("a") as stream:
+    path = write_run(tmp_path / "a", {"time": [0, 1], "x": [2, 3]})
+    with (path / "results.csv").open("a") as stream:
         stream.write("2.0,4")
-    assert curves(drawn(place)[0][0]) == {"x": ([0, 1], [2, 3])}
+    assert curves(drawn(path)[0][0]) == {"x": ([0, 1], [2, 3])}
 
 
 @pytest.mark.parametrize(
     "content", ["[]", "{", '{"units": 3, "settings": []}', '{"units": {"x": 3}}', "[" * 9999]
 )
 def test_invalid_record_leaves_units_unknown(content: str, tmp_path: Path) -> None:
-    place = kept(tmp_path / "a", {"time": [0, 1], "x": [2, 3]})
-    (place / "run.json").write_text(content)
-    assert [x.get_ylabel() for x in drawn(place)[0]] == [""]
+    path = write_run(tmp_path / "a", {"time": [0, 1], "x": [2, 3]})
+    (path / "run.json").write_text(content)
+    assert [x.get_ylabel() for x in drawn(path)[0]] == [""]
 
 
 WRONG = [
@@ -255,8 +261,8 @@ WRONG = [
 
 @pytest.mark.parametrize(("arguments", "words"), WRONG)
 def test_mistake_gives_one_message(arguments: list[str], words: str, emla: Emla) -> None:
-    kept(Path("a"), {"time": [0, 1], "x": [2, 3]})
-    kept(Path("header"), {"time": [], "x": []})
+    write_run(Path("a"), {"time": [0, 1], "x": [2, 3]})
+    write_run(Path("header"), {"time": [], "x": []})
     Path("empty").mkdir()
     Path("b.png").write_text("x,y\n1,2\n")
     Path("text").mkdir()
@@ -279,7 +285,7 @@ def test_system_without_joints_has_a_picture(fmu_folder: Path, tmp_path: Path) -
         result = simulation.run()
     result.save(tmp_path / "o")
     assert [path.name for path in (tmp_path / "o").glob("*.png")] == ["signals.png"]
-    (group,) = by_unit.groups(result)
+    (group,) = by_unit.group_signals(result)
     panels = group.panels(result, result.read(["time", *result.names]))
     assert {p.label: [line.label for line in p.lines] for p in panels} == {
         "m": ["gantry.motion.x_d", "gantry.slide.place"],

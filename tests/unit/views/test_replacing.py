@@ -14,7 +14,7 @@ from emla_cosim.base.output_files import RECORDS, OutputFile, has_format
 from emla_cosim.views.folder import Folder
 from emla_cosim.views.output_folder import OutputFolder
 
-MINE, OURS, NEW = b"years of work", b'{"format": "emla-test"}', b"new"
+USER_CONTENT, OURS, NEW = b"years of work", b'{"format": "emla-test"}', b"new"
 RUN = b'{"scenario": "lift", "status": "unfinished"}'
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no such files.")
@@ -55,8 +55,8 @@ FILES: dict[str, Callable[[Path], object]] = {
     "nothing": lambda path: None,
     "empty file": write(b""),
     "file of ours": write(OURS),
-    "file of the user": write(MINE),
-    "large file": write(MINE * 100_000),
+    "file of the user": write(USER_CONTENT),
+    "large file": write(USER_CONTENT * 100_000),
     "file of another format": write(b'{"format": "emla"}'),
 }
 """What may be replaced, also only with --overwrite."""
@@ -87,20 +87,20 @@ def states(folder: Path) -> dict[str, object]:
 def place(tmp_path: Path) -> Path:
     """A folder beside another one with files."""
     (tmp_path / "outside").mkdir()
-    (tmp_path / "outside/mine").write_bytes(MINE)
+    (tmp_path / "outside/mine").write_bytes(USER_CONTENT)
     (tmp_path / "outside/ours").write_bytes(OURS)
     (tmp_path / "place").mkdir()
     return tmp_path / "place"
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-@pytest.mark.parametrize("what", [*NEVER, *FILES])
-def test_single_file(what: str, overwrite: bool, place: Path) -> None:
+@pytest.mark.parametrize("kind", [*NEVER, *FILES])
+def test_single_file(kind: str, overwrite: bool, place: Path) -> None:
     path = place / "out.json"
-    (NEVER | FILES)[what](path)
+    (NEVER | FILES)[kind](path)
     before = states(place.parent)
-    if what in NEVER or not (overwrite or what in ("nothing", "empty file", "file of ours")):
-        words = "cannot be written: it is a" if what in NEVER else "was not written by emla.*--overwrite"
+    if kind in NEVER or not (overwrite or kind in ("nothing", "empty file", "file of ours")):
+        words = "cannot be written: it is a" if kind in NEVER else "was not written by emla.*--overwrite"
         with pytest.raises(CommandError, match=words):
             OutputFile(path, "the file", has_format("emla-test"), overwrite)
         assert states(place.parent) == before
@@ -130,16 +130,16 @@ HOLDERS: dict[str, dict[str, bytes]] = {
     "empty": {},
     "empty files": {"run.json": b"", "a.csv": b""},
     "hidden": {".emla.json": b"{}", ".unfinished-abcdefgh": b"", ".DS_Store": b"x"},
-    "ours": {"run.json": RUN, "thesis.txt": MINE},
-    "ours, changed by hand": {"run.json": RUN, "a.csv": MINE},
+    "ours": {"run.json": RUN, "thesis.txt": USER_CONTENT},
+    "ours, changed by hand": {"run.json": RUN, "a.csv": USER_CONTENT},
     "of another command": {"size.json": b'{"format": "emla-sizing"}'},
     "of another command, with files of these names": {
         "size.json": b'{"format": "emla-sizing"}',
-        "a.csv": MINE,
+        "a.csv": USER_CONTENT,
     },
-    "of the user": {"thesis.txt": MINE},
-    "with a file of these names": {"a.csv": MINE},
-    "with a picture of these names": {"a.png": MINE},
+    "of the user": {"thesis.txt": USER_CONTENT},
+    "with a file of these names": {"a.csv": USER_CONTENT},
+    "with a picture of these names": {"a.png": USER_CONTENT},
     "with a record that is not ours": {"run.json": b'{"scenario": 1}'},
     "with a damaged record": {"run.json": RUN[:-1]},
     "with a record of another name": {"mine.json": RUN},
@@ -150,14 +150,14 @@ ALLOWED = list(HOLDERS)[:7]
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-@pytest.mark.parametrize("what", HOLDERS)
-def test_folder(what: str, overwrite: bool, place: Path) -> None:
-    for name, content in HOLDERS[what].items():
+@pytest.mark.parametrize("kind", HOLDERS)
+def test_folder(kind: str, overwrite: bool, place: Path) -> None:
+    for name, content in HOLDERS[kind].items():
         (place / name).write_bytes(content)
-    if what == "new":
+    if kind == "new":
         place.rmdir()
     before = states(place.parent)
-    if not (overwrite or what in ALLOWED):
+    if not (overwrite or kind in ALLOWED):
         with pytest.raises(CommandError, match=r"has '.*', which was not written by emla.*--overwrite"):
             RunFolder(place)
         assert states(place.parent) == before
@@ -169,16 +169,16 @@ def test_folder(what: str, overwrite: bool, place: Path) -> None:
     assert (place / "a.csv").read_bytes() == NEW
     ours = {"run.json", "a.csv", ".unfinished-abcdefgh"}
     after = states(place)
-    assert all(after[name] == before[f"place/{name}"] for name in HOLDERS[what].keys() - ours)
+    assert all(after[name] == before[f"place/{name}"] for name in HOLDERS[kind].keys() - ours)
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("name", ["run.json", "a.csv", "a.png"])
-@pytest.mark.parametrize("what", NEVER)
-def test_special_files_in_a_folder(what: str, name: str, overwrite: bool, place: Path) -> None:
+@pytest.mark.parametrize("kind", NEVER)
+def test_special_files_in_a_folder(kind: str, name: str, overwrite: bool, place: Path) -> None:
     if name != "run.json":
         (place / "run.json").write_bytes(RUN)
-    NEVER[what](place / name)
+    NEVER[kind](place / name)
     before = states(place.parent)
     with pytest.raises(CommandError, match="cannot be written: it is a"):
         RunFolder(place, overwrite)
@@ -186,10 +186,10 @@ def test_special_files_in_a_folder(what: str, name: str, overwrite: bool, place:
 
 
 @pytest.mark.parametrize(
-    "what", ["file", "link to a file", "link to nothing", "link to itself", "pipe", "socket"]
+    "kind", ["file", "link to a file", "link to nothing", "link to itself", "pipe", "socket"]
 )
-def test_output_folder_that_is_not_a_folder(what: str, place: Path) -> None:
-    ({"file": write(MINE)} | NEVER)[what](place / "out")
+def test_output_folder_that_is_not_a_folder(kind: str, place: Path) -> None:
+    ({"file": write(USER_CONTENT)} | NEVER)[kind](place / "out")
     before = states(place.parent)
     for folder in (RunFolder, OutputFolder):
         with pytest.raises(CommandError, match=r"the output folder '.*' cannot be written: (it is|Sym)"):
@@ -213,9 +213,9 @@ def test_names_of_folders(name: str, place: Path) -> None:
 
 
 @pytest.mark.parametrize("name", [".running", ".running.json"])
-@pytest.mark.parametrize("what", [*NEVER, "file of the user"])
-def test_lock_replaces_no_file(what: str, name: str, place: Path) -> None:
-    (NEVER | FILES)[what](place / name)
+@pytest.mark.parametrize("kind", [*NEVER, "file of the user"])
+def test_lock_replaces_no_file(kind: str, name: str, place: Path) -> None:
+    (NEVER | FILES)[kind](place / name)
     before = states(place.parent)
     with pytest.raises(CommandError, match=name), RunFolder(place, overwrite=True).alone():
         pass
@@ -225,12 +225,15 @@ def test_lock_replaces_no_file(what: str, name: str, place: Path) -> None:
 def test_files_that_appear_later_stay(place: Path) -> None:
     folder, file = RunFolder(place), OutputFile(place / "single", "the file", lambda _: False)
     for name in ("run.json", "single"):
-        (place / name).write_bytes(MINE)
+        (place / name).write_bytes(USER_CONTENT)
     for writer in (lambda: folder.write("run.json", RUN), lambda: file.write(NEW)):
         with pytest.raises(Exception, match="appeared while emla ran, and emla did not write it"):
             writer()
     folder.remove(["run.json"])
-    assert {p.name: p.read_bytes() for p in place.iterdir()} == {"run.json": MINE, "single": MINE}
+    assert {p.name: p.read_bytes() for p in place.iterdir()} == {
+        "run.json": USER_CONTENT,
+        "single": USER_CONTENT,
+    }
 
 
 def test_every_record_is_recognized_as_earlier_versions_wrote_it(tmp_path: Path) -> None:
@@ -248,5 +251,5 @@ def test_every_record_is_recognized_as_earlier_versions_wrote_it(tmp_path: Path)
     for name, content in written.items():
         (tmp_path / name).write_text(content if isinstance(content, str) else json.dumps(content))
         assert RECORDS[name](tmp_path / name)
-        (tmp_path / name).write_bytes(MINE)
+        (tmp_path / name).write_bytes(USER_CONTENT)
         assert not RECORDS[name](tmp_path / name)

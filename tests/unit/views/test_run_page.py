@@ -42,9 +42,9 @@ def result(fmu_folder: Path) -> Result:
 @pytest.fixture(scope="module")
 def folder(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The run as it is saved with its page."""
-    place = tmp_path_factory.mktemp("study")
-    result.save(place, plots=False, report=True)
-    return place
+    path = tmp_path_factory.mktemp("study")
+    result.save(path, plots=False, report=True)
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -55,9 +55,9 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture
 def opened(browser: Any, folder: Path) -> Iterator[Page]:
-    shown = Page(browser, folder / "report.html")
-    yield shown
-    assert shown.complaints() == []
+    page = Page(browser, folder / "report.html")
+    yield page
+    assert page.complaints() == []
 
 
 def select(opened: Page, signal: str) -> str:
@@ -110,16 +110,16 @@ def test_page_is_small_and_its_links_have_targets(folder: Path, page: ElementTre
 
 def test_metrics_are_those_of_metrics_json(page: ElementTree.Element, folder: Path, result: Result) -> None:
     header, *rows = (cells(row) for row in page.findall(".//*[@id='figures']//tr"))
-    found = json.loads((folder / "metrics.json").read_text())["joints"]
-    assert header[1:-1] == list(found)
+    content = json.loads((folder / "metrics.json").read_text())["joints"]
+    assert header[1:-1] == list(content)
     shown = {row[0]: row[1:-1] for row in rows}
-    for one in result.shown["joints"]:
-        for joint, text in zip(found, shown[one.label], strict=True):
-            value = found[joint][one.name]
+    for display in result.shown["joints"]:
+        for joint, text in zip(content, shown[display.label], strict=True):
+            value = content[joint][display.name]
             words = {"True": "yes", "False": "no", "None": "none"}.get(
                 str(value)
             )  # none, as the run is short
-            number = 0.0 if words else one.factor * value
+            number = 0.0 if words else display.factor * value
             assert text == words or float(text.replace(",", "")) == pytest.approx(number, rel=1e-3)
 
 
@@ -146,14 +146,14 @@ def test_signal_metrics_match_their_rows(page: ElementTree.Element, result: Resu
 def test_settings_and_components_are_those_of_run_json(page: ElementTree.Element, folder: Path) -> None:
     record = json.loads((folder / "run.json").read_text())
     (main,) = page.iter("main")
-    said = "".join(main.itertext())
-    assert all(name in said for name in record["settings"])
+    message = "".join(main.itertext())
+    assert all(name in message for name in record["settings"])
     for name, component in record["components"].items():
-        assert name in said and component["sha256"] in said
+        assert name in message and component["sha256"] in message
         for variable, change in component["changed"].items():
-            assert f"{name}.{variable}" in said
+            assert f"{name}.{variable}" in message
             assert change["value"] == component["parameters"][variable] != change["default"]
-    assert all(connection in said for connection in record["connections"])
+    assert all(connection in message for connection in record["connections"])
     boxes = [box.findtext("{*}title", "") for box in page.findall(".//*[@class='box']")]
     assert [box.partition(":")[0] for box in boxes] == list(record["components"])
 
@@ -207,25 +207,25 @@ def test_transient_keeps_its_shape(opened: Page, result: Result) -> None:
     plot = select(opened, "lift.plant.i_q")
     data = f"{visible_curves(plot)}[0].data_source.data"
     x, y = opened.run(f"return [[...{data}.time], [...{data}.value]]")
-    early = (result.time < 0.1) & np.isfinite(result["lift.plant.i_q"])
-    shown = np.interp(result.time[early], x, y)
+    is_early = (result.time < 0.1) & np.isfinite(result["lift.plant.i_q"])
+    drawn_values = np.interp(result.time[is_early], x, y)
     size = np.ptp(result["lift.plant.i_q"])
-    assert np.abs(shown - result["lift.plant.i_q"][early]).max() < 0.03 * size
+    assert np.abs(drawn_values - result["lift.plant.i_q"][is_early]).max() < 0.03 * size
 
 
 def test_signal_metrics_are_those_of_metrics_json(result: Result, folder: Path) -> None:
     """From every communication point: rows alone would miss what is between them."""
     data = result.read(["time", *result.names])
     rows = {row.name: asdict(row) for row in list_signal_rows(result, data, Plots())}
-    kept = json.loads((folder / "metrics.json").read_text())["signals"]
-    assert {name: {figure: row[figure] for figure in kept[name]} for name, row in rows.items()} == kept
-    assert any(figures["maximum"] > data[name].max() for name, figures in kept.items())
+    content = json.loads((folder / "metrics.json").read_text())["signals"]
+    assert {name: {figure: row[figure] for figure in content[name]} for name, row in rows.items()} == content
+    assert any(figures["maximum"] > data[name].max() for name, figures in content.items())
 
 
 def test_constant_picture_is_left_out(result: Result) -> None:
-    whole = result.read(["time", *result.names])
-    data = {name: 0.0 * x if ".theta[" in name else x for name, x in whole.items()}
-    with_all, _ = build_pictures(result, whole, Plots())
+    table = result.read(["time", *result.names])
+    data = {name: 0.0 * x if ".theta[" in name else x for name, x in table.items()}
+    with_all, _ = build_pictures(result, table, Plots())
     without, _ = build_pictures(result, data, Plots())
     assert {p.title for p in with_all} - {p.title for p in without} == {"Adaptation of the controller"}
 
@@ -284,9 +284,9 @@ def test_hostile_content_does_nothing(browser: Any, result: Result, tmp_path: Pa
         "b": {"fmu": "", "sha256": ""},
     }
     record = {**result.record, "components": components, "connections": [f"a{SCRIPT}.x -> b.y", SCRIPT]}
-    given = rebuilt(result, names, values, name=SCRIPT, remarks=[SCRIPT], record=record, steps=rows)
-    given = replace(given, units=dict.fromkeys(names, SiUnit(SCRIPT)))
-    (tmp_path / "page.html").write_text(render_page(given, [SCRIPT]), encoding="utf-8")
+    hostile_result = rebuilt(result, names, values, name=SCRIPT, remarks=[SCRIPT], record=record, steps=rows)
+    hostile_result = replace(hostile_result, units=dict.fromkeys(names, SiUnit(SCRIPT)))
+    (tmp_path / "page.html").write_text(render_page(hostile_result, [SCRIPT]), encoding="utf-8")
     opened = Page(browser, tmp_path / "page.html")
     assert opened.browser.title.startswith("</script>")
     assert opened.run("return document.querySelectorAll('[data-signal]').length") == (3 if rows else 0)
@@ -307,25 +307,27 @@ def test_size_of_the_page_is_bounded(signals: int, rows: int, result: Result) ->
 def test_system_without_pictures_is_shown_by_unit(result: Result) -> None:
     time = np.linspace(0, 1, 50)
     names = ["pump.p", "pump.q", "valve.p", "valve.still"]
-    given = rebuilt(result, names, np.column_stack([time, time, 2 * time, 3 * time, 0 * time]))
+    plain_result = rebuilt(result, names, np.column_stack([time, time, 2 * time, 3 * time, 0 * time]))
     units = {"pump.p": SiUnit("Pa"), "pump.q": SiUnit("m3/s"), "valve.p": SiUnit("Pa"), "valve.still": None}
-    given = replace(given, units=units, signals={"valve.still": {"minimum": 0.0, "maximum": 0.0}})
+    plain_result = replace(
+        plain_result, units=units, signals={"valve.still": {"minimum": 0.0, "maximum": 0.0}}
+    )
     plots = Plots()
-    build_pictures(given, given.read(["time", *names]), plots)
-    found = [
+    build_pictures(plain_result, plain_result.read(["time", *names]), plots)
+    actual = [
         (plot.yaxis.axis_label, [item.label.value for item in plot.legend[0].items])
         for plot in plots.figures.values()
     ]
-    assert found == [("Pa", ["pump.p", "valve.p"]), ("m3/s", ["pump.q"])]
+    assert actual == [("Pa", ["pump.p", "valve.p"]), ("m3/s", ["pump.q"])]
 
 
 def test_large_diagram_has_parts() -> None:
     sixty = [f"joint{k // 6}.part{k % 6}" for k in range(60)]
     joined = group_connections(sixty, [f"{a}.out -> {b}.in" for a, b in pairwise(sixty)])
-    made = build_diagrams(dict.fromkeys(sixty, "an FMU"), joined)
-    assert [d.title for d in made] == ["Overview", *(f"joint{k}" for k in range(10))]
-    assert len(made[0].boxes) == 10 and len(made[0].lines) == 9
-    assert all(len(d.boxes) == 6 and len(d.lines) == 5 for d in made[1:])
+    diagrams = build_diagrams(dict.fromkeys(sixty, "an FMU"), joined)
+    assert [d.title for d in diagrams] == ["Overview", *(f"joint{k}" for k in range(10))]
+    assert len(diagrams[0].boxes) == 10 and len(diagrams[0].lines) == 9
+    assert all(len(d.boxes) == 6 and len(d.lines) == 5 for d in diagrams[1:])
     assert build_diagrams(dict.fromkeys([f"c{k}" for k in range(500)], "an FMU"), []) == []
     assert build_diagrams({}, []) == []
 
@@ -340,19 +342,19 @@ def test_labels_count_signals() -> None:
 
 
 def test_connections_are_grouped_by_components() -> None:
-    found = group_connections(
+    actual = group_connections(
         ["a", "a.b", "c -> d"], ["a.b.x -> a.y", "a.x -> a.b.y value * 2", "a.z -> a.b.w", "nonsense"]
     )
-    assert [(w.source, w.target, w.signals) for w in found] == [
+    assert [(w.source, w.target, w.signals) for w in actual] == [
         ("a.b", "a", (("x", "y"),)),
         ("a", "a.b", (("x", "y"), ("z", "w"))),
     ]
 
 
 def test_command_writes_the_page(emla: Emla, tmp_path: Path) -> None:
-    short = ("run", "lift", "--stop-time", "0.01", "--no-plots", "--output", "out")
-    shown = emla(*short, "--report")
-    assert shown.exit_code == 0 and "Report: out/report.html" in shown.output
+    options = ("run", "lift", "--stop-time", "0.01", "--no-plots", "--output", "out")
+    result = emla(*options, "--report")
+    assert result.exit_code == 0 and "Report: out/report.html" in result.output
     assert "emla rerun run.json" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert emla(*short).exit_code == 0
+    assert emla(*options).exit_code == 0
     assert not (tmp_path / "out" / "report.html").exists()  # that of an earlier run is not left
