@@ -24,7 +24,7 @@ import pytest
 from hypothesis import given
 
 import emla_cosim as ec
-from emla_cosim.cli.commands.crash_rescue import _cause
+from emla_cosim.cli.commands.crash_rescue import _explain_end
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.explicit import GaussSeidel, Jacobi
 from emla_cosim.master.algorithms.strong import Strong
@@ -326,14 +326,14 @@ def test_an_fmu_that_ends_the_process_is_among_those_that_are_named(faulty_fmu: 
 
 def test_causes_name_all_current_calls() -> None:
     a, b = ("j.a", "doStep at t = 1 s"), ("j.b", "getReal")
-    assert _cause("SIGSEGV", [a]) == "j.a ended the process in doStep at t = 1 s (SIGSEGV)"
+    assert _explain_end("SIGSEGV", [a]) == "j.a ended the process in doStep at t = 1 s (SIGSEGV)"
     assert (
-        _cause("SIGSEGV", [a, b])
+        _explain_end("SIGSEGV", [a, b])
         == "one of j.a in doStep at t = 1 s and j.b in getReal ended the process (SIGSEGV)"
     )
-    assert _cause("SIGKILL", [b]) == "the process was killed, with j.b in getReal"
-    assert _cause("SIGKILL", []) == "the process was killed, perhaps because memory ran out"
-    assert _cause("SIGSEGV", []) == "the process ended (SIGSEGV)"
+    assert _explain_end("SIGKILL", [b]) == "the process was killed, with j.b in getReal"
+    assert _explain_end("SIGKILL", []) == "the process was killed, perhaps because memory ran out"
+    assert _explain_end("SIGSEGV", []) == "the process ended (SIGSEGV)"
 
 
 # ---- FMUs in processes of their own ------------------------------------------------------------

@@ -64,9 +64,9 @@ SIZE = _ACTIVITIES + LONGEST_NOTE
 """Bytes of memory."""
 
 
-def _map_activities(page: Any) -> list[Activity]:
+def _map_activities(content: Any) -> list[Activity]:
     """Return the activities of all threads, at the beginning of a memory of zeros."""
-    activities = [Activity.from_buffer(page, _DISTANCE * thread) for thread in range(THREADS)]
+    activities = [Activity.from_buffer(content, _DISTANCE * thread) for thread in range(THREADS)]
     for activity in activities:
         activity.time = math.nan
     return activities
@@ -75,8 +75,8 @@ def _map_activities(page: Any) -> list[Activity]:
 class _Page:
     """The page of this process, private until it is shared."""
 
-    memory: Any = bytearray(SIZE)
-    activities = _map_activities(memory)
+    content: Any = bytearray(SIZE)
+    activities = _map_activities(content)
     is_shared = False
 
 
@@ -93,8 +93,8 @@ def list_busy_activities() -> list[Activity]:
 def share_file(path: Path) -> None:
     """Use a `CrashPageFile` from now on; objects from `current_activity` still use the previous page."""
     with path.open("r+b") as stream:
-        _Page.memory = mmap(stream.fileno(), 0)
-    _Page.activities, _Page.is_shared = _map_activities(_Page.memory), True
+        _Page.content = mmap(stream.fileno(), 0)
+    _Page.activities, _Page.is_shared = _map_activities(_Page.content), True
 
 
 def is_shared() -> bool:
@@ -107,13 +107,13 @@ def write_note(text: str) -> None:
     content = text.encode("utf-8", "surrogateescape")[:LONGEST_NOTE]
     activity = current_activity()
     activity.noted = 0
-    _Page.memory[_ACTIVITIES : _ACTIVITIES + len(content)] = content
+    _Page.content[_ACTIVITIES : _ACTIVITIES + len(content)] = content
     activity.noted = len(content)
 
 
 def read_note() -> str:
     """Return the note of this process or one that shares the page, empty without one."""
-    return _decode_note(_Page.memory, current_activity())
+    return _decode_note(_Page.content, current_activity())
 
 
 def _decode_note(page: Any, activity: Activity) -> str:

@@ -50,7 +50,7 @@ class AcceptedFaults:
         for where, problems in by_file.items():
             self.add(where, problems)
 
-    def shown(self, unpacked: Path | None = None) -> dict[str, list[str]]:
+    def list_by_file(self, unpacked: Path | None = None) -> dict[str, list[str]]:
         """Return the problems by file; files in the folder `unpacked` have their names in the package."""
         prefix = "" if unpacked is None else f"{unpacked}{os.sep}"
         return {where.removeprefix(prefix): list(problems) for where, problems in self.by_file.items()}
@@ -61,7 +61,7 @@ class AcceptedFaults:
             f"'{where}' has a fault, which was accepted: {problems[0]}"
             + (f", and {len(problems) - 1} more" if len(problems) > 1 else "")
             + "."
-            for where, problems in self.shown(unpacked).items()
+            for where, problems in self.list_by_file(unpacked).items()
         ]
 
 

@@ -150,10 +150,10 @@ class OutputFile:
     def _may_replace(self) -> bool:
         return self._overwrite or is_new(self.place) or self._is_ours(self.place)
 
-    def check_again(self, place: Path) -> None:
+    def check_again(self, path: Path) -> None:
         """Raise NotAFileError if a file appeared that emla did not write; for `write_atomically`."""
         if not self._may_replace():
-            raise NotAFileError(0, f"'{place.name}' appeared while emla ran, and emla did not write it")
+            raise NotAFileError(0, f"'{path.name}' appeared while emla ran, and emla did not write it")
 
     @contextmanager
     def open(self) -> Iterator[IO[bytes]]:

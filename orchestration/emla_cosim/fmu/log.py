@@ -48,7 +48,7 @@ class FmuLog:
         """Return the last warnings and errors of an instance, oldest first."""
         return list(self._last[instance])
 
-    def take(self, line: LogLine) -> None:
+    def store(self, line: LogLine) -> None:
         """Store a message."""
         if line.text:
             self._last[line.instance].append(line.text)
@@ -60,7 +60,7 @@ class FmuLog:
             name, kind, text = (
                 (x or b"").decode(errors="replace").strip() for x in (instance, category, message)
             )
-            cls._listening.take(LogLine(name, status, kind, text))
+            cls._listening.store(LogLine(name, status, kind, text))
 
 
 # never freed: fmpy's proxy keeps its last callbacks, even after another log is created

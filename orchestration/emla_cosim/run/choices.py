@@ -68,7 +68,7 @@ def _find_choice(name: str, layers: Sequence[Mapping[str, Any]]) -> tuple[int, s
             kinds = CHOICES[name]
             has = list_names(kinds[choice]) if isinstance(choice, str) else set[str]()
             return number, list_names(*kinds.values()) - has
-        if name in layer:
+        if name in layer:  # an explicit None withdraws earlier choices
             break
     return 0, set()
 

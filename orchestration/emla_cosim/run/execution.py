@@ -183,6 +183,7 @@ class ActiveRun:
                 pacing,
                 self._pause,
                 until,
+                # a condition ends the run at the first row that meets it, so it sees each step
                 MOST_STEPS if self._stopping is None else 1,
             )
             self.interrupted = self.stopped is None and not self.stepping.reached(until)
@@ -203,7 +204,7 @@ class ActiveRun:
                 self.profiler.close()
         self.wall_s += time.perf_counter() - start
 
-    def abandon(self) -> None:
+    def discard(self) -> None:
         """End the recorders after another error. Ignore their own errors."""
         if self.profiler is not None:
             self.profiler.close()

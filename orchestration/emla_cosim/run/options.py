@@ -185,7 +185,7 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         )
         return [kind(**values) for kind, values in names if values]
 
-    def in_effect(self) -> list[tuple[Option, Any]]:
+    def list_effective_values(self) -> list[tuple[Option, Any]]:
         """Return each option that applies, with its value."""
         pairs = [(o, getattr(self, o.name)) for o in _FIXED.values()]
         for part in (self.make_algorithm(), self.make_step_size_control(), *self.make_recorders()):

@@ -53,7 +53,7 @@ def build_result(
     record = build_run_record(
         name, run.definition, assembly, run.plan, run.outline, report, run.problem, unpacked
     )
-    record["accepted_faults"] = faults.shown(unpacked)
+    record["accepted_faults"] = faults.list_by_file(unpacked)
     if run.stopped is not None:
         condition, at = run.stopped
         record["stopped_when"] = {"condition": str(condition), "time_s": at}

@@ -52,6 +52,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
     _check_components(system, [*replacements], options.set)
     fmus = _fmu_files(system, options, progress)
     interfaces = read_interfaces(fmus)
+    # first, because sizes of arrays decide which variables have names
     structure = _structural_values(system, options, interfaces)
     system, interfaces = set_structure(system, fmus, interfaces, structure)
     system = connect_elements(system, {name: i.variables for name, i in interfaces.items()})
@@ -75,6 +76,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
         note = component.note(system) if callable(component.note) else component.note
         if note and component.name not in replacements:
             progress.note(f"Note: {note}")
+    # after the start values, which users write with the names and units of the original component
     for name, replacement in replacements.items():
         system, fit = replace_component(system, name, replacement, replacement_interfaces[name], interfaces)
         progress.report_replacement(fit)
@@ -92,6 +94,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
                 f"'{replacement.fmu}' cannot replace {name}, which sets {join_names(sizes)}: the arrays of a "
                 "replacement keep their own sizes."
             )
+    # after the replacements, whose FMUs may have other kinds
     system = choose_kinds(system, options.kind, interfaces)
     for names in without_events:
         system = disable_event_mode(system, names, interfaces)

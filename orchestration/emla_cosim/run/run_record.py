@@ -83,7 +83,7 @@ class RunDefinition:
         }
         return {
             name(o): selected[o.name] if o.name in selected else to_plain(value)
-            for o, value in self.options.in_effect()
+            for o, value in self.options.list_effective_values()
             if name(o)
         }
 

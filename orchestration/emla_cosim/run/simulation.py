@@ -520,7 +520,7 @@ class Simulation:
             run, self._run = self._run, None
             if run is not None:
                 self._last_run, self._needs_new_instances = run, True
-                run.abandon()
+                run.discard()
             raise
 
 

@@ -70,16 +70,16 @@ class Folder:
         for name in names:
             resolve_output_path(self.path / name, f"the file of the {self.what}")
         try:
-            strange = None if self.overwrite or self.has_own_record() else self._find_strange(names)
+            unknown = None if self.overwrite or self.has_own_record() else self._find_strange(names)
         except OSError as error:
             raise CommandError(
                 f"the output folder '{self.path}' cannot be read: {error.strerror or error}."
             ) from error
-        if strange is not None:
+        if unknown is not None:
             raise CommandError(
-                f"the output folder '{self.path}' has '{strange}', which was not written by emla. Choose "
+                f"the output folder '{self.path}' has '{unknown}', which was not written by emla. Choose "
                 "another output folder, or use --overwrite.",
-                path=str(self.path / strange),
+                path=str(self.path / unknown),
             )
 
     def _find_strange(self, names: Sequence[str]) -> str | None:

@@ -85,10 +85,12 @@ def _document(structure: Structure, package: Package) -> SspDocument:
     def interface(component: ComponentElement) -> Interface:
         return read(component.source, component.structure)
 
+    # sizes first: connectors of arrays become one for each element
     root = _find_structures(structure.system, package.name, interface)
     root = expand_vectors(root, interface, package.name)
     wired = collect_wiring(root, package.name, interface)
     values, without_effect = resolve_bindings(root, wired)
+    # the sizes were needed before the connections were known
     for path, fmu in wired.fmus.items():
         if _read_structure(fmu, values[path]) != fmu.interface.structure:
             raise wired.fault(
