@@ -332,7 +332,7 @@ def test_causes_name_all_current_calls() -> None:
         == "one of j.a in doStep at t = 1 s and j.b in getReal ended the process (SIGSEGV)"
     )
     assert _explain_end("SIGKILL", [b]) == "the process was killed, with j.b in getReal"
-    assert _explain_end("SIGKILL", []) == "the process was killed, perhaps because memory ran out"
+    assert _explain_end("SIGKILL", []) == "the process was killed, possibly out of memory"
     assert _explain_end("SIGSEGV", []) == "the process ended (SIGSEGV)"
 
 

@@ -1,4 +1,4 @@
-"""Attributes of a model description that cannot be read: missing, no number, or out of range.
+"""Attributes of a model description that cannot be read: missing, not a number, or out of range.
 
 fmpy (0.3.32) fails at them with exceptions of Python that name neither element nor attribute.
 """

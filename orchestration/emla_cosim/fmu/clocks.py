@@ -113,5 +113,5 @@ def _read_seconds(path: Path, clock: Any, attribute: str) -> float | None:
     except ValueError as error:
         raise CommandError(
             f"'{path}' is not a valid FMU: {attribute} of its clock '{clock.get('name')}' is '{text}', "
-            "which is no number."
+            "not a number."
         ) from error

@@ -234,7 +234,7 @@ def _find_range_faults(interface: Interface) -> Iterator[str]:
             continue
         try:
             start = math.nan if variable.start is None else float(variable.start)
-        except ValueError:  # a list, or no number, which is another fault
+        except ValueError:  # a list, or not a number, which is another fault
             continue
         if start < low or start > high:
             limit = f"below its minimum of {low:g}" if start < low else f"above its maximum of {high:g}"

@@ -27,7 +27,7 @@ def is_table(file: "FmuFile") -> bool:
 def find_span_references(file: "FmuFile", outputs: Sequence[str]) -> list[NDArray[np.uint32]]:
     """Return the value references of the local variables with `SPANS` of these outputs, one array for each.
 
-    The list is empty for FMUs that are no tables, and for tables of discrete variables.
+    The list is empty for FMUs that are not tables, and for tables of discrete variables.
     """
     names = [[f"step.{span}.{output}" for output in outputs] for span in SPANS]
     if not is_table(file) or not all(name in file.variables for each in names for name in each):

@@ -258,7 +258,7 @@ UNSIZED = system("s", ports="in:input:Float64").replace("<ssc:Float64/>", "<ssc:
         ((*A_B, connection("a.y -> b.u", start_indices="1", end_indices="1 1")), "'y' has 2 dimensions"),
         ((*A_B, connection("a.y -> b.u", start_indices="3 1", end_indices="1 1")), r"\[1,1\] to \[2,2\]"),
         ((*A_B, connection("a.y -> b.u", start_indices="0 1", end_indices="1 1")), "at least 1"),
-        ((*A_B, connection("a.x -> b.u", start_indices="1", end_indices="1 1")), "'x' is no array"),
+        ((*A_B, connection("a.x -> b.u", start_indices="1", end_indices="1 1")), "'x' is not an array"),
         ((*A_B, connection("a.y -> b.u"), connection("a.x -> b.u", end_indices="1 1")), r"b.u\[1,1\] .* two"),
         ((third("a"), UNSIZED, connection("a.y -> s.in")), "array 'in' of unknown size"),
         ((third("a", "", connector("Choice", "input", "Int8")),), "no variable"),

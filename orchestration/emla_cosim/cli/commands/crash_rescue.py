@@ -93,7 +93,7 @@ def _explain_end(how: str, calls: Sequence[tuple[str, str]]) -> str:
     With several threads the component that ended it is not known.
     """
     if how == "SIGKILL":  # no process sends it to itself
-        where = f"with {_join_calls(calls)}" if calls else "perhaps because memory ran out"
+        where = f"with {_join_calls(calls)}" if calls else "possibly out of memory"
         return f"the process was killed, {where}"
     if len(calls) > 1:
         return f"one of {_join_calls(calls)} ended the process ({how})"

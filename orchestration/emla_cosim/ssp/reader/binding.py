@@ -158,7 +158,7 @@ class _CollectedBindings:
         return None
 
     def _check_shape(self, element: Element, path: Path_, name: str, parameter: SsvParameter) -> None:
-        """Raise CommandError if a parameter has not the shape of its target, or the target is left out."""
+        """Raise CommandError if a parameter does not have the shape of its target, or this is left out."""
         for owner, inside in self._list_owners(element, path, name):
             fmu = self._wiring.fmus.get(owner)
             names, arrays = self._list_names(owner)

@@ -65,7 +65,7 @@ def declared_shapes(element: Element, where: str) -> Shapes:
 
 
 def explain_shape(parameter: SsvParameter, name: str, names: Collection[str], target: str) -> str | None:
-    """Return why a parameter has not the shape of its target; None if it has, or if there is no target.
+    """Return why a parameter does not have the shape of its target; None if it does, or without a target.
 
     Args:
         parameter: The parameter, or the first element of its array.

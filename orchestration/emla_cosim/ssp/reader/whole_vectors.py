@@ -149,7 +149,7 @@ def _select_indices(link: str, end: _End, shape: list[str]) -> list[str]:
         return shape or [""]
     sizes = find_sizes(shape)
     if not shape:
-        raise CommandError(f"{link} selects {name}{format_index(index)}, but '{name}' is no array.")
+        raise CommandError(f"{link} selects {name}{format_index(index)}, but '{name}' is not an array.")
     if not sizes:
         raise CommandError(
             f"{link} selects {name}{format_index(index)}, but the FMU has other indices than 1 to n."
