@@ -166,7 +166,7 @@ def _split(variable: ModelVariable, is_resized: bool) -> Iterator[ElementVariabl
 
 
 def _keep_whole(variable: ModelVariable) -> ElementVariable:
-    """Return a Clock or Binary variable, which is not a number, as a discrete variable without a start value."""
+    """Return a Clock or Binary variable, not a number, as a discrete variable without a start value."""
     fields = {a.alias: getattr(variable, a.name) for a in attrs.fields(ModelVariable)}
     return ElementVariable(
         **{**fields, "variability": "discrete", "start": None}, data_type=str(variable.type)

@@ -356,7 +356,7 @@ class Simulation:
             steps = (time - times.start) / times.step
             if not math.isfinite(steps) or abs(steps - round(steps)) > ROUNDING * max(1.0, abs(steps) * 1e-3):
                 raise CommandError(
-                    f"t = {time:.9g} s is no communication point; the step size is {times.step:g} s.",
+                    f"t = {time:.9g} s is not a communication point; the step size is {times.step:g} s.",
                     time=time,
                 )
         if time > times.stop + ROUNDING * times.step:

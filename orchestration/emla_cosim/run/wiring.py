@@ -206,7 +206,7 @@ def _check_recorders(recorders: Any) -> list[Recorder]:
         raise CommandError(f"the recorders are {recorders!r}; they must be a list.")
     checked = list(recorders)
     if wrong := [r for r in checked if not isinstance(r, Recorder)]:
-        raise CommandError(f"{wrong[0]!r} is no Recorder.")
+        raise CommandError(f"{wrong[0]!r} is not a Recorder.")
     if len({id(r) for r in checked}) < len(checked):
         raise CommandError("the list of recorders has a recorder twice.")
     return checked

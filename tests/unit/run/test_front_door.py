@@ -257,7 +257,7 @@ def test_variables_that_cannot_be_set_between_steps(name: str, words: str, lift:
     lift.start()
     with pytest.raises(ec.CommandError, match=words):
         lift[name] = 1.0
-    with pytest.raises(ec.CommandError, match=r"no communication point; the step size is 0\.0001 s"):
+    with pytest.raises(ec.CommandError, match=r"not a communication point; the step size is 0\.0001 s"):
         lift.advance(0.00015)
     assert lift.finish().steps == 0
     with pytest.raises(ec.CommandError, match="there is no current run"):

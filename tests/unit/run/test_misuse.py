@@ -274,11 +274,11 @@ WRONG_TYPES: list[tuple[Callable[[ec.Simulation], Any], str]] = [
     (lambda _: ec.System.of({"a": "Reference"}, [3]), "'3' is not a connection"),  # type: ignore
     (lambda lift: lift.run(recorders=TABLE), "must be a list"),  # type: ignore
     (lambda lift: lift.run(recorders=3), "must be a list"),  # type: ignore
-    (lambda lift: lift.run(recorders=[None]), "None is no Recorder"),  # type: ignore
+    (lambda lift: lift.run(recorders=[None]), "None is not a Recorder"),  # type: ignore
     (lambda lift: lift.run(recorders=[TABLE, TABLE]), "has a recorder twice"),
     (lambda lift: lift.run(stop_time=np.array([0.02, 0.03])), "must be a number"),
     (lambda lift: lift.advance("soon"), "the time to advance to is 'soon'; it must be a number"),
-    (lambda lift: lift.advance(float("nan")), "t = nan s is no communication point"),
+    (lambda lift: lift.advance(float("nan")), "t = nan s is not a communication point"),
     (lambda lift: lift[3], "'3' is not a variable"),  # type: ignore
     (lambda lift: lift.run()[3], "the signal '3' was not recorded"),  # type: ignore
     (lambda lift: lift.run().save(None), "the folder is None; it must be a text"),  # type: ignore
