@@ -48,7 +48,7 @@ def _draw_diagram(diagram: Diagram, definitions: str) -> str:
 def _draw_wire(line: DiagramLine) -> str:
     return (
         f'<path d="{line.path}" fill="none" stroke="{_COLORS[line.color]}" stroke-width="0.5" '
-        f'marker-end="url(#arrow)">{_make_title(line.told)}</path>'
+        f'marker-end="url(#arrow)">{_make_title(line.tooltip)}</path>'
     )
 
 
@@ -59,7 +59,7 @@ def _draw_box(box: Box) -> str:
         _draw_label(x, middle + (3.6 if box.above else 1.4), box.name, box.letters, "middle", "#111827")
     )
     return (
-        f'<g>{_make_title(box.told)}<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" '
+        f'<g>{_make_title(box.tooltip)}<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" '
         f'height="{box.height:.1f}" rx="1.5" fill="{color}" fill-opacity="0.1" stroke="{color}" '
         f'stroke-width="0.5"/>{"".join(texts)}</g>'
     )

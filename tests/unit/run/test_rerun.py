@@ -132,7 +132,7 @@ def test_python_objects_need_a_replacement(emla: Emla, fmu_folder: Path) -> None
     with ec.load("lift").prepare(fmus=fmu_folder, algorithm=ec.Jacobi()) as simulation:
         simulation.run(stop_time=0.001).save("out", plots=False)
     message = sentence(emla("rerun", "out"), 2)
-    assert "has the algorithm emla_cosim.master.algorithms.jacobi.Jacobi, an object of Python" in message
+    assert "has the algorithm emla_cosim.master.algorithms.explicit.Jacobi, an object of Python" in message
     assert emla("rerun", "out", "--algorithm", "jacobi").exit_code == 0
     system = ec.load("lift").system
     with ec.load(system, stop_time=0.001, step_size=1e-4, fmus=fmu_folder).prepare() as simulation:
