@@ -40,7 +40,10 @@ VAGUE = {
 }
 """Names of variables, arguments, functions and attributes, each with what to write instead."""
 
-_LEFT_OUT = "longer more less fewer later earlier larger smaller such need time space room one other".split()
+_LEFT_OUT = (
+    *("longer", "more", "less", "fewer", "later", "earlier", "larger", "smaller"),
+    *("such", "need", "time", "space", "room", "one", "other"),
+)
 _NO_NOUN = re.compile(rf"(?<!here )\b(?:is|are) no (?!{'|'.join(_LEFT_OUT)})[a-z]+\b")
 
 
