@@ -19,7 +19,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from docs.paste import pasted
-from emla_cosim.analyses.compare.result import LOST_AT, SHOWN, WHY, group_rows
+from emla_cosim.analyses.compare.result import DISPLAYS, LOST_AT, WHY, group_rows
 from emla_cosim.analyses.compare.statistics import group_by_variant, rank
 from emla_cosim.base.wording import format_rounded
 from emla_cosim.study.joints.joint_table import Cells
@@ -66,11 +66,13 @@ def summarize(study: str, folder: Path) -> Iterator[Row]:
         variants = group_by_variant(group)
         wins = dict[str, list[str]]()
         for figure in FIGURES:
-            if (ranking := rank(variants, SHOWN[figure])) and ranking.wins:
+            if (ranking := rank(variants, DISPLAYS[figure])) and ranking.wins:
                 wins.setdefault(ranking.best, []).append(f"{figure} {ranking.wins}")
         for name, statistics in variants.items():
             controller, _, gains = name.partition("/")
-            lost = sorted(statistics.lost, key=lambda row: np.inf if row[LOST_AT] is None else row[LOST_AT])
+            lost = sorted(
+                statistics.failures, key=lambda row: np.inf if row[LOST_AT] is None else row[LOST_AT]
+            )
             row: dict[str, str] = {"study": study, "joint": joint if joint in STUDY else scenario}
             row |= {"case": case, "controller": controller, "gains": gains}
             row |= {"seeds": str(len(statistics.rows)), "not_held": str(len(lost))}
@@ -120,7 +122,7 @@ def _nominal(rows: Sequence[Row], figures: Sequence[str]) -> str:
     ]
     for joint in dict.fromkeys(row["joint"] for row in rows):
         for figure in figures:
-            shown, cells = SHOWN[figure], []
+            shown, cells = DISPLAYS[figure], []
             for controller, gains in variants:
                 labels = (joint, controller, gains)
                 row = next(r for r in rows if (r["joint"], r["controller"], r["gains"]) == labels)
@@ -150,7 +152,7 @@ def _beside_paper(rows: Sequence[Row]) -> str:
         for (scenario, joint), printed in table.cells.items():
             label = joint if joint in STUDY else scenario
             for figure in Cells.__struct_fields__:
-                shown, texts = SHOWN[figure], list[str]()
+                shown, texts = DISPLAYS[figure], list[str]()
                 for controller, gains in ours:
                     row = cells.get((label, controller, gains))
                     texts.append(_mean(row, figure) if row else "")
@@ -162,7 +164,7 @@ def _beside_paper(rows: Sequence[Row]) -> str:
 
 def _mean(row: Row, figure: str) -> str:
     """Return a mean and its spread in the unit that tables show."""
-    shown = SHOWN[figure]
+    shown = DISPLAYS[figure]
     spread = shown.factor * float(row[f"{figure}_std"])
     return format_rounded(shown.factor * float(row[figure])) + (f" ± {spread:.2g}" if spread else "")
 

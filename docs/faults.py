@@ -8,7 +8,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import emla_cosim as ec
-from emla_cosim.study.roles import JOINTS, find_variable
+from emla_cosim.study.roles import find_variable
+from emla_cosim.study.systems import STUDY as JOINTS
 
 HERE = Path(__file__).parent
 

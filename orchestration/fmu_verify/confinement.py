@@ -80,7 +80,7 @@ def confine_signals() -> None:
 
 
 def confine(writable: Iterable[Path]) -> bool:
-    """Confine this thread, and the threads and processes that it starts from now on, for ever.
+    """Confine this thread, and the threads and processes that it starts from now on, permanently.
 
     Reading is not restricted. A second call restricts further. Signals reach only this process and those
     that it starts, or what `confine_signals` allows.

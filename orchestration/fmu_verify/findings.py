@@ -37,7 +37,7 @@ class Finding:
 
     @property
     def sentence(self) -> str:
-        """What was found, as one sentence."""
+        """What was found, as one message."""
         return self.outcome.sentence
 
     @property

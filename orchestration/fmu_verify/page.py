@@ -135,7 +135,7 @@ def _make_id(name: str) -> str:
 
 
 def describe_verdict(report: Findings) -> str:
-    """Return the verdict on all FMUs as a sentence without a full stop."""
+    """Return the verdict on all FMUs as a message without a full stop."""
     message = _describe_verdict_of_all(report)
     return message if report.complete else f"Interrupted: {message[0].lower()}{message[1:]}"
 

@@ -36,7 +36,7 @@ _SEVERITIES = {"error": "major", "warning": "minor", "note": "info"}
 
 
 class NoFilesError(Exception):
-    """A glob matches no file. The message is a sentence."""
+    """A glob matches no file. The message says why."""
 
 
 def find_files(globs: str) -> list[str]:

@@ -91,7 +91,7 @@ class Subject:
 
     @cached_property
     def description_problem(self) -> str:
-        """Why `description` cannot be read, as a sentence; empty if it can."""
+        """Why `description` cannot be read, as a message; empty if it can."""
         try:
             _ = self.description
         except MemoryError:

@@ -87,7 +87,7 @@ def describe_exception(doing: str, error: BaseException) -> str:
 
 
 class NotRunError(Exception):
-    """A check cannot run, although nothing is wrong with the FMU. The message is a sentence."""
+    """A check cannot run, although nothing is wrong with the FMU. The message says why."""
 
 
 @dataclass(frozen=True)

@@ -226,11 +226,11 @@ def test_commands_need_no_home(
         assert emla(*command).exit_code == 0
     assert names(tmp_path) == {"out", "x.ssp", "i.json"}
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
-    cache._home_cache.cache_clear()
+    cache._find_home_cache.cache_clear()
     try:  # zig cannot do without a folder for its cache
         folders = cache.tool_environment()
     finally:
-        cache._home_cache.cache_clear()
+        cache._find_home_cache.cache_clear()
     assert folders["ZIG_GLOBAL_CACHE_DIR"] == folders["ZIG_LOCAL_CACHE_DIR"] == str(tmp_path / "cache/zig")
 
 

@@ -10,7 +10,7 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.study.joint_certificates import (
     JointCertificate,
-    _unknown_acceleration,
+    _compute_unknown_acceleration,
     build_certificate_rows,
     certify,
 )
@@ -132,5 +132,7 @@ def test_unknown_acceleration(measured: float, modelled: float) -> None:
     if modelled:
         expected = expected - (1.5 * 4.0 * 0.1 * current - 3.0 * v_hat) / 20.0
     signals = dict(zip(names, numbers, strict=True))
-    found = _unknown_acceleration(signals.__getitem__, {f"observer.{name}": x for name, x in own.items()})
+    found = _compute_unknown_acceleration(
+        signals.__getitem__, {f"observer.{name}": x for name, x in own.items()}
+    )
     assert found == pytest.approx(expected, rel=1e-12)

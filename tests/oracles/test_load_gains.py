@@ -11,7 +11,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.analyses.linearize.margins import LARGEST_MS, LEAST_GAIN_DB, LEAST_PHASE_DEG
-from emla_cosim.analyses.linearize.result import Measured
+from emla_cosim.analyses.linearize.result import MeasuredResponse
 from emla_cosim.analyses.linearize.runner import measure_loops
 from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.systems import STUDY
@@ -99,7 +99,7 @@ def test_loops_have_margins(controller: str, joint: str, load: str, control: str
     measured = measure_loops(scenario, loops, MIDDLE[joint], 0.15, other_load(*LOADS[load]))
     for loop in loops:
         result = measured[loop]
-        assert isinstance(result, Measured) and result.margins is not None, result
+        assert isinstance(result, MeasuredResponse) and result.margins is not None, result
         margins = result.margins
         assert margins.phase_deg >= LEAST_PHASE_DEG and margins.Ms <= LARGEST_MS
         assert margins.gain_up_dB >= LEAST_GAIN_DB and margins.gain_down_dB <= -LEAST_GAIN_DB

@@ -47,15 +47,15 @@ _LEFT_OUT = (
 _NO_NOUN = re.compile(rf"(?<!here )\b(?:is|are) no (?!{'|'.join(_LEFT_OUT)})[a-z]+\b")
 
 
-def count_vague_names() -> dict[str, list[str]]:
+@cache
+def list_vague_names() -> dict[str, list[str]]:
     """Return the definitions of vague names, as `file:line: name`, for each entry of `VAGUE`."""
-    patterns = {words: re.compile(rf"_*(?:{words})_*") for words in VAGUE}
+    entries = {word: words for words in VAGUE for word in words.split("|")}
     definitions: dict[str, list[str]] = {words: [] for words in VAGUE}
     for path in _list_files(FOLDERS):
         for name, line in _definitions(_parse(path)):
-            for words, pattern in patterns.items():
-                if pattern.fullmatch(name):
-                    definitions[words].append(f"{path.relative_to(ROOT)}:{line}: {name}")
+            if (words := entries.get(name.strip("_"))) is not None:
+                definitions[words].append(f"{path.relative_to(ROOT)}:{line}: {name}")
     return definitions
 
 

@@ -56,7 +56,7 @@ class AcceptedFaults:
         return {where.removeprefix(prefix): list(problems) for where, problems in self.by_file.items()}
 
     def remarks(self, unpacked: Path | None = None) -> list[str]:
-        """Return one sentence for each file."""
+        """Return one message for each file."""
         return [
             f"'{where}' has a fault, which was accepted: {problems[0]}"
             + (f", and {len(problems) - 1} more" if len(problems) > 1 else "")

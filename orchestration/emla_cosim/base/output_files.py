@@ -78,7 +78,7 @@ analysis has the format emla-NAME.
 
 
 UNFINISHED_STATUS = "unfinished"
-"""Status in a record whose command goes on, or was killed with all its processes."""
+"""Status in a record whose command continues, or was killed with all its processes."""
 
 
 def has_record(folder: Path, name: str) -> bool:

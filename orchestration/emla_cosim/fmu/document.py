@@ -64,7 +64,7 @@ class FmuDocument:
         """Return the names of all terminals, with those that they are in; none without their description.
 
         Raises:
-            ValueError: The description cannot be read. The message is a sentence without a full stop.
+            ValueError: The description cannot be read. The message has no full stop.
         """
         try:
             with zipfile.ZipFile(self.path) as archive:

@@ -82,7 +82,7 @@ _GCC = {
 
 
 def find_source(library: str) -> str:
-    """Return where a library usually comes from, as the end of a sentence; empty if that is not known.
+    """Return where a library usually comes from, as the end of a message; empty if that is not known.
 
     Args:
         library: The name of the file, such as `libgfortran.so.5`.

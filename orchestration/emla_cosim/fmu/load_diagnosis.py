@@ -36,8 +36,8 @@ class LoadFailure(NamedTuple):
     """Why a library cannot be loaded.
 
     Attributes:
-        fact: The end of a sentence that begins with the library, without a full stop.
-        remedy: What to do, as a sentence.
+        fact: The end of a message that begins with the library, without a full stop.
+        remedy: What to do, as a message.
     """
 
     fact: str

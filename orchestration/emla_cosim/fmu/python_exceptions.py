@@ -19,7 +19,7 @@ REMEDY = (
     "Report it to the exporter of the FMU: a function of an FMU must clear exceptions of Python "
     "before it returns."
 )
-"""What to do about it, as a sentence."""
+"""What to do about it, as a message."""
 
 _PENDING = "with an exception set"
 """What Python says, also within an FMU, if an exception from an earlier call is still set."""

@@ -1,4 +1,4 @@
-"""Tables in files, which another thread writes while the steps go on."""
+"""Tables in files, which another thread writes while the steps continue."""
 
 import threading
 import time

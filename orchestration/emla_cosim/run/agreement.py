@@ -58,7 +58,7 @@ def describe_disagreement(comparisons: Sequence[Comparison], stored: "StoredRun"
 
 
 def describe_missing_part(end: float, step: float, stored: "StoredRun") -> str | None:
-    """Return a message if a stored run goes on for more than a step after the end of a run; times in s."""
+    """Return a message if a stored run continues for more than a step after the end of a run; times in s."""
     last = float(stored.read(["time"])["time"][-1])
     if last <= end + (1.0 + 1e-6) * step:
         return None

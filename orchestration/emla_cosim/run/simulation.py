@@ -184,12 +184,12 @@ class Simulation:
         return resolve_stop_conditions(texts, units, self.system.main_name)
 
     def further_units(self) -> dict[str, SiUnit | None]:
-        """Return the unit of each of `further_names`; None where the FMU declares none."""
+        """Return the unit of each of `further_names`; None if the FMU declares none."""
         return {name: self._names.find(name).unit for name in self.further_names}
 
     @cached_property
     def units(self) -> Mapping[str, SiUnit | None]:
-        """Unit of each signal by name; None where the FMU declares none."""
+        """Unit of each signal by name; None if the FMU declares none."""
         return {name: self._names.find(name).unit for name in self._assembly.outputs}
 
     @property

@@ -1,4 +1,4 @@
-"""The winding temperature of a joint if the cycle of a run repeats for ever.
+"""The winding temperature of a joint if the cycle of a run repeats permanently.
 
 The winding is one thermal body, as in `emla_fmu.thermal`: its temperature rise approaches the copper loss
 with a time constant. In a repeated cycle, the rise is that of the run plus an excess that decays with this

@@ -28,7 +28,7 @@ class Idealisation:
     Attributes:
         name: What is idealised.
         label: A few words for a list.
-        sentence: A sentence.
+        sentence: A message.
         option: Options of `emla run` that remove it, with `VALUE` for what only the user knows; empty if
             none does.
         source: Where typical values are: a scenario or a standard; empty without one.

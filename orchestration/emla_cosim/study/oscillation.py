@@ -69,7 +69,7 @@ class Oscillation:
     Attributes:
         kind: "lasting", "growing", or "noise".
         signal: Where it is largest relative to what is allowed: torque, screw or load.
-        time_s, until_s: Time in which it was examined; it may have begun earlier, and may go on.
+        time_s, until_s: Time in which it was examined; it may have begun earlier, and may continue.
         frequency_Hz: Its frequency; NaN for noise.
         growth_1_s: Growth of its amplitude in 1/s; NaN for noise.
         torque_ripple: `torque_rms_N_m` as a fraction of the torque limit.

@@ -44,7 +44,7 @@ _MIN_NOISE_SCATTER = 0.2
 """Least scatter of the log amplitude of noise around a smooth curve over three times such a part."""
 
 _ENDED_RATIO = 25.0
-"""A tone that has ended must be this much larger than one that goes on."""
+"""A tone that has ended must be this much larger than one that continues."""
 
 _MIN_LASTING_GROWTH = -0.06
 """Least growth in 1/s of a tone that lasts. A tone that decays faster ends by itself."""

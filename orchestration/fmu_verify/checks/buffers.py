@@ -159,7 +159,7 @@ def _allocate_guarded(size: int) -> Any:
 
 
 def _describe_overrun(block: Any, description: str) -> Iterator[str]:
-    """Yield a sentence if the guard changed."""
+    """Yield a message if the guard changed."""
     changed = [k for k, byte in enumerate(block[len(block) - _GUARD :]) if byte != _FILL]
     if changed:
         yield f"{description} writes {changed[-1] + 1} bytes behind them."

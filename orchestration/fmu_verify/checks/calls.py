@@ -313,7 +313,7 @@ def _list_wrong_calls(subject: Subject) -> Iterator[_WrongCall]:
 
 
 def _describe_accepted_call(subject: Subject, wrong: _WrongCall) -> str:
-    """Return what was accepted, as a sentence; empty if the FMU refuses the call."""
+    """Return what was accepted, as a message; empty if the FMU refuses the call."""
     instance = HostedInstance(subject)
     if wrong.function.startswith("fmi3Set"):
         instance.begin_initialization(read_span(subject)[0])

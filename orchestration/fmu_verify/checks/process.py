@@ -258,7 +258,7 @@ def _record_streams(subject: Subject) -> dict[str, tuple[int, str]]:
     needs=("run.completes",),
 )
 def unload(subject: Subject) -> CheckOutcome:
-    """Check that the process goes on after the library is unloaded, and can end normally after a run."""
+    """Check that the process continues after the library is unloaded, and can end normally after a run."""
     try:
         in_fresh_process(_run_and_unload, subject)
     except EndedError as error:

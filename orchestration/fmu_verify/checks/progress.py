@@ -1,4 +1,4 @@
-"""Check that a run goes on: its time, its outputs and states, and the effect of its inputs."""
+"""Check that a run continues: its time, its outputs and states, and the effect of its inputs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from ctypes import byref, c_double

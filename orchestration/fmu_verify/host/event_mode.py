@@ -254,7 +254,7 @@ class HostedEvents:
     def _judge_step(
         self, time: float, length: float, _: bool, event: Any, ends: Any, returns_early: Any, reached: Any
     ) -> None:
-        """Count what a step says. One without event mode goes on after an event."""
+        """Count what a step says. One without event mode continues after an event."""
         if ends[0]:
             return
         self.events += bool(event[0])

@@ -48,7 +48,7 @@ class CallError(Exception):
         sentence: str = "",
         clause: Clause | None = None,
     ) -> None:
-        """Say what a call answered, and the last lines of the log; or a sentence on what is wrong."""
+        """Say what a call answered, and the last lines of the log; or a message on what is wrong."""
         self.call, self.status, self.clause = call, status, clause
         answer = STATUS[status] if self.has_status else f"{status}, which is not a valid status"
         super().__init__(sentence or f"{call} answered {answer}{_quote(lines)}")
@@ -68,7 +68,7 @@ class EndlessIterationError(CallError):
 
 
 def _quote(lines: Iterable[LogLine]) -> str:
-    """Return the end of a sentence, with the last log messages."""
+    """Return the end of a message, with the last log messages."""
     text = " ".join(line.text for line in list(lines)[-2:])
     return f": {format_message(text)}" if text else "."
 

@@ -94,7 +94,7 @@ def is_xml(file: RelatedFile) -> bool:
 
 
 def find_fault(file: RelatedFile, unpacked: Path) -> str:
-    """Return what is wrong with an XML document in the FMU, as a sentence; empty if nothing is.
+    """Return what is wrong with an XML document in the FMU, as a message; empty if nothing is.
 
     Raises:
         NotRunError: It is about a file that is not in the FMU, which the standard allows.

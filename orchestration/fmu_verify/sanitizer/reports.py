@@ -47,7 +47,7 @@ class SourceLine:
 
 @dataclass(frozen=True)
 class MemoryFault:
-    """The first error of AddressSanitizer, as a sentence."""
+    """The first error of AddressSanitizer, as a message."""
 
     kind: str
     sentence: str

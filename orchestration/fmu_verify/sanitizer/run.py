@@ -44,7 +44,7 @@ class SanitizedRun:
     """What sanitizers report about one kind of an FMU, or about all of them.
 
     Attributes:
-        missing: Why there is no such build, as a sentence; empty if there is one.
+        missing: Why there is no such build, as a message; empty if there is one.
         has_sources: Whether the FMU lists sources.
         has_address: Whether AddressSanitizer was there.
         ran: Whether steps were made.

@@ -59,7 +59,7 @@ def quantile_interval(values: Vector, quantile: float, level: float = LEVEL) -> 
 
 
 def describe_share(count: int, total: int, event: str) -> str:
-    """Return a sentence without full stop on how probable an event is, such as a failure.
+    """Return a message without full stop on how probable an event is, such as a failure.
 
     Args:
         count: How often it occurred.

@@ -14,7 +14,7 @@ _MOST_COLUMNS = 8
 
 
 class Text(NamedTuple):
-    """A sentence or the text of a cell; it can be the best of its row, or report a failure."""
+    """A message or the text of a cell; it can be the best of its row, or report a failure."""
 
     text: str
     is_best: bool = False

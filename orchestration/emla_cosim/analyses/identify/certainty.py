@@ -69,7 +69,7 @@ class Estimate:
         error: standard error; None if it is not identified.
         interval: interval of 95 %; None if it is not identified.
         problem: why it is not identified; None if it is.
-        profile: interval of the profile likelihood, if asked for; an end is None where the range ends before.
+        profile: interval of the profile likelihood, if asked for; an end is None if the range ends before.
         step_change: change of the estimate by half the step, in standard errors; None if it was not judged.
     """
 
@@ -272,7 +272,7 @@ def profile(
 ) -> tuple[float | None, float | None]:
     """Return the ends of the interval of 95 % of parameter i, as fractions of its range.
 
-    An end is None where the range ends before.
+    An end is None if the range ends before.
 
     Args:
         problem: the problem.

@@ -124,7 +124,7 @@ class Estimator:
         """Return the minimum that searches from better points around a solution find.
 
         A sampled controller and its limits make the cost uneven, and a search ends early in a narrow valley.
-        Points along the principal directions, in standard errors, show whether the valley goes on.
+        Points along the principal directions, in standard errors, show whether the valley continues.
         """
         for _ in range(_VALLEYS):
             jacobian = self.problem.jacobian(solution.point, central=True)

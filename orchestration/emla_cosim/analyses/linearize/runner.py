@@ -186,7 +186,7 @@ def measure_loops(
 
 
 def describe_missing_crossover(label: str, response: FrequencyResponse) -> str:
-    """Return a sentence on a loop whose gain is 1 at no frequency."""
+    """Return a message on a loop whose gain is 1 at no frequency."""
     is_above = response.gain_dB[0] > 0.0
     text = (
         f"{label}: the loop gain stays {'above' if is_above else 'below'} 1 from {response.frequency[0]:.3g} "

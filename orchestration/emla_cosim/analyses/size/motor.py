@@ -66,7 +66,7 @@ def heat(time: Vector, load: Vector, permitted_rise: float, tau_th: float, start
 
 
 def repeat_cycle(time: Vector, load: Vector, permitted_rise: float, tau_th: float) -> Vector:
-    """Return the temperature rise in K over a cycle that has repeated for ever: it ends as it begins.
+    """Return the temperature rise in K over a cycle that has repeated permanently: it ends as it begins.
 
     The rise at the end is linear in that at the start, so the start follows in closed form.
     """
@@ -118,7 +118,7 @@ class Winding:
         return (cycle.current / self.i_N) ** 2
 
     def rise(self, cycle: Cycle) -> Vector:
-        """Return the temperature rise in K over the cycle once it has repeated for ever."""
+        """Return the temperature rise in K over the cycle once it has repeated permanently."""
         return repeat_cycle(cycle.time, self.load(cycle), self.permitted_rise, self.tau_th)
 
 

@@ -96,7 +96,7 @@ def _label(result: SizeResult, candidate: Candidate, sizing: JointSizing) -> str
 
 
 def _mark(sentence: str, holds: bool | None) -> Text | str:
-    """Return a sentence, marked if it reports a failure."""
+    """Return a message, marked if it reports a failure."""
     return sentence if holds else Text(sentence, is_failure=True)
 
 

@@ -84,7 +84,7 @@ class JointSizing:
 
     @property
     def verdict(self) -> str:
-        """The verdict, as a sentence."""
+        """The verdict, as a message."""
         label = f"{self.joint} with {self.actuator}"
         count = len(self.unexamined)
         unexamined = f" {format_count(count, 'limit')} not examined." if count else ""

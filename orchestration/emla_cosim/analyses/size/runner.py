@@ -66,7 +66,7 @@ def size(
     """Examine whether actuators do the job of a scenario: continuously, at peak, and for how long.
 
     The scenario runs once with each candidate; meanwhile, the other joints have their first candidate that
-    can be run. The end of the run is one cycle, which repeats for ever. The
+    can be run. The end of the run is one cycle, which repeats permanently. The
     winding temperature is that of the repeated cycle. Each limit of the data sheet is compared with what the
     cycle uses of it.
 

@@ -65,7 +65,7 @@ class PythonExceptionError(InstanceError):
         call: The FMI function, or the interval of time.
         left: The exception in one line.
         log: Messages of the instance.
-        remedy: A sentence on what to do besides reporting it to the exporter.
+        remedy: A message on what to do besides reporting it to the exporter.
     """
 
     action_format = "left a Python exception in {call}: {status}"

@@ -17,7 +17,7 @@ STEPS = 1000
 
 @dataclass(frozen=True)
 class Times:
-    """The times in s that an FMU or a package has; None where it has none."""
+    """The times in s that an FMU or a package has; None if it has none."""
 
     start: float | None
     stop: float | None
