@@ -22,7 +22,7 @@ class Log(FmuLog):
         """Return the messages of an instance with this status or a worse one."""
         return [line for line in self.lines if line.instance == instance and line.status >= status]
 
-    def take(self, line: LogLine) -> None:
+    def store(self, line: LogLine) -> None:
         """Store a message."""
         self.lines.append(line)
 

@@ -37,7 +37,7 @@ _FMI_CALLS = {
 class ProcessEndedError(InstanceError):
     """The process of an isolated instance ended."""
 
-    did = "ended its process in {call} ({status})"
+    action_format = "ended its process in {call} ({status})"
 
 
 class IsolatedInstance(DescribedInstance):
