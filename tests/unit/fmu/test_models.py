@@ -75,7 +75,7 @@ def test_key_changes_with_everything_in_the_fmu(tmp_path: Path, monkeypatch: pyt
     ]
     for owner, name, value in (
         (block, "default_experiment", MODELS["Reference"].default_experiment),
-        (recipe, "_own_files", lambda: ("another shim",)),
+        (recipe, "_read_fmublock_files", lambda: ("another shim",)),
     ):
         with monkeypatch.context() as patch:
             patch.setattr(owner, name, value)

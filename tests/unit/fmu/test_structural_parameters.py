@@ -98,7 +98,7 @@ def test_whole_arrays_connect_with_their_new_sizes(path: Path) -> None:
         ({"s.n": 3}, r"s.A\[1,1\] has no value: with n = 3, .* A\[1,1\] to A\[3,3\]"),
         ({**FEW, "s.A[1,2]": 1.0}, r"s has no variable 'A\[1,2\]'"),
         ({"s.m": 3, "s.B[1,3]": 1.0}, r"s.B\[1,1\] has no value: with m = 3"),
-        ({"s.deaf": True}, "s.deaf is False: the FMU did not take the value True"),
+        ({"s.deaf": True}, "s.deaf is False: the FMU did not accept the value True"),
     ],
 )
 def test_values_that_do_not_fit_are_refused(path: Path, values: dict[str, Any], words: str) -> None:
