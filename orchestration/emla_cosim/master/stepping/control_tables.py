@@ -7,7 +7,7 @@ import numpy as np
 from ...base.arrays import Vector
 from ...stepper.layout import CONTROLLED, Control
 from ..algorithms.algorithm import Algorithm
-from .stepper_tables import SavedStates
+from .saved_states import SavedStates
 from .timing import CommunicationPoints
 
 SMALLEST = 1e-12

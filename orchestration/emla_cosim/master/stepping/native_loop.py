@@ -24,7 +24,8 @@ from ..instances.fmu_instance import EntryPoints
 from ..instances.measured_calls import KINDS, Calls
 from .lane_threads import LaneThreads
 from .loop_errors import check_room, make_python_exception_error
-from .stepper_tables import SavedStates, StepperTables
+from .saved_states import SavedStates
+from .stepper_tables import StepperTables
 from .timing import Clock
 
 _CALL_NAMES = {

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ...base import crash_page
 from ...fmu.tables import SPANS
-from ...stepper.event_layout import Events
 from ...stepper.layout import (
     CALL,
     COMBINATION,
@@ -21,7 +20,6 @@ from ...stepper.layout import (
     INSTANCE,
     OPERATION,
     PREVIOUS,
-    SAVED_STATE,
     SIGNAL,
     SIGNALS,
     TERM,
@@ -36,9 +34,10 @@ from ..algorithms.extrapolation import Mode
 from ..algorithms.group import HALVINGS, SWEEPS, CoupledGroup
 from ..algorithms.tasks import overlap_steps
 from ..instances.call_codes import CALLS, code_of
-from ..instances.fmu_instance import EntryPoints, FmuInstance, GroupCall, ObservedGroup
+from ..instances.fmu_instance import EntryPoints, GroupCall, ObservedGroup
 from ..instances.python_calls import PythonCalls
 from ..instances.typed_values import fill_typed_call
+from .saved_states import SavedStates
 
 
 def list_entry_points(algorithm: Algorithm) -> list[EntryPoints]:
@@ -48,35 +47,6 @@ def list_entry_points(algorithm: Algorithm) -> list[EntryPoints]:
         instance.entry_points() or PythonCalls().entry_points(instance, i in split)
         for i, instance in enumerate(algorithm.network.instances)
     ]
-
-
-class SavedStates:
-    """Places for one state of each instance, with the memory of its events.
-
-    Args:
-        points: Addresses of the FMI functions, per instance.
-
-    Attributes:
-        records: The records that the functions in C get, one per instance.
-        memory: The memory of their events.
-    """
-
-    def __init__(self, points: Sequence[EntryPoints]) -> None:
-        self.records = np.zeros(len(points), SAVED_STATE)
-        self._points = points
-        self.event_memory = [
-            np.zeros(Events.from_address(p.events).memory_size if p.events else 0) for p in points
-        ]
-        self.records["events"] = [m.ctypes.data for m in self.event_memory]
-
-    def free(self, instances: Sequence[FmuInstance]) -> None:
-        """Free the states; never raises."""
-        for instance, points, state in zip(instances, self._points, self.records["state"], strict=True):
-            if points.calls is not None:
-                points.calls.close(instance)
-            elif state:
-                instance.forget(ctypes.c_void_p(int(state)))
-        self.records["state"] = 0
 
 
 class StepperTables:
