@@ -85,10 +85,11 @@ def dependencies(subject: Subject) -> CheckOutcome:
         (declared.derivatives, knowns_later),
         (declared.initial_unknowns, knowns_at_start),
     ):
+        remaining = knowns - left_out  # once: there may be 100,000 of both
         for unknown in listed.unknowns:
             label, count = f"{unknown} in {listed}", count + len(unknown.dependencies or ())
             problems += _find_ill_formed(label, unknown, declared, listed is declared.initial_unknowns)
-            problems += _find_missing_alias(label, unknown, knowns - left_out, declared)
+            problems += _find_missing_alias(label, unknown, remaining, declared)
             not_known = [
                 v for i in unknown.dependencies or () if i not in knowns and (v := declared.variable(i))
             ]
