@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 from docs.paste import pasted
 from emla_cosim.analyses.compare.result import DISPLAYS, LOST_AT, WHY, group_rows
 from emla_cosim.analyses.compare.statistics import group_by_variant, rank
+from emla_cosim.analyses.compare.tables import FIGURES as RUN_FIGURES
 from emla_cosim.base.wording import format_rounded
 from emla_cosim.study.joints.joint_table import Cells
 from emla_cosim.study.paper import PRINTED
@@ -30,16 +31,7 @@ from emla_cosim.views.plots.style import GREY, RED, make_figure, save
 HERE = Path(__file__).parent
 PAGES = (HERE / "controllers-results.md", HERE / "paper.md")
 TABLE = HERE / "controllers-results.csv"
-FIGURES = (
-    "position_error_m",
-    "velocity_error_m_s",
-    "torque_effort_N_m",
-    "torque_peak_N_m",
-    "settling_time_s",
-    "observer_position_error_m",
-    "saturated_after_settling",
-    "convergence_time_s",
-)
+FIGURES = (*RUN_FIGURES, "convergence_time_s")
 LABELS = ("study", "joint", "case", "controller", "gains", "seeds", "not_held", "why", "wins")
 COLUMNS = (*LABELS, *(name for figure in FIGURES for name in (figure, f"{figure}_std")))
 PICTURES = {"robustness-damped": ("damped", "others"), "robustness-other-sets": ("robustness",)}

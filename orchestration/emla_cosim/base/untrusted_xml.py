@@ -14,7 +14,6 @@ def parse_xml(content: bytes) -> Any:
     try:
         return etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True))
     except etree.XMLSyntaxError as error:
-        error.filename = error.lineno = (
-            None  # str() would add "(<string>, line 1)" to the place in the message
-        )
+        # str() would add "(<string>, line 1)" to the place in the message
+        error.filename = error.lineno = None
         raise

@@ -321,9 +321,12 @@ def _judge_steps_at_once(subject: Subject) -> CheckOutcome | None:
         return None
     try:
         steps, expected = in_fresh_process(_step_alone, subject)
-        trajectory = in_fresh_process(_step_in_threads, subject, steps, expected)
-    except (CallError, EndedError):  # as a run whose inputs do not change
+    except (CallError, EndedError):  # the model may not run with inputs that do not change
         return None
+    try:
+        trajectory = in_fresh_process(_step_in_threads, subject, steps, expected)
+    except (CallError, EndedError) as error:
+        return warned(f"With {_AT_ONCE} instances, each in its own thread: {error}")
     return _find_worst([compare_runs(trajectory, expected, f"One of {_AT_ONCE} instances in threads")])
 
 

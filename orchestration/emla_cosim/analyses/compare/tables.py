@@ -35,7 +35,7 @@ from .statistics import (
     name_observers,
 )
 
-_FIGURES = (
+FIGURES = (
     "position_error_m",
     "velocity_error_m_s",
     "torque_effort_N_m",
@@ -90,7 +90,7 @@ def _build_plain(result: CompareResult) -> Iterator[ReportTable]:
             lines.append(len(body))
             variants = group_by_variant(group)
             error = choose_position_error(group)
-            names = _FIGURES if error.name in _FIGURES else (error.name, "load_swing_m", *_FIGURES)
+            names = FIGURES if error.name in FIGURES else (error.name, "load_swing_m", *FIGURES)
             displays = choose_displays(group)
             for figure in (displays[name] for name in names):
                 cells = mark_winner(variants, figure)
