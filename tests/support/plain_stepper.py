@@ -57,7 +57,7 @@ class PlainStepper:
             elif isinstance(each, Solve):
                 self.solve(next(groups), time, length)
             elif reached % (multiple := int(algorithm.multiples[each.instance])) == 0:
-                begin, span = (time, length) if times is None else times.stretch(reached, multiple)
+                begin, span = (time, length) if times is None else stretch(times, reached, multiple)
                 self.call(each, begin, span, time + length)
         algorithm.steps = reached
 
@@ -317,6 +317,12 @@ def _minus(answer: np.ndarray, jacobian: np.ndarray, residual: np.ndarray) -> np
     return found
 
 
+def stretch(times: CommunicationPoints, k: int, count: int) -> tuple[float, float]:
+    """Return start and length in s of the `count` steps up to communication point k."""
+    begin = times.point(k - count)
+    return begin, times.point(k) - begin
+
+
 class PlainSteps(FixedSteps):
     """Steps of one length by the plain stepper."""
 
@@ -326,7 +332,7 @@ class PlainSteps(FixedSteps):
         algorithm, times, ends = self.algorithm, self.times, clock.monotonic() + LONGEST
         self.stepper = self.stepper or PlainStepper(algorithm, divides=True)
         for k in range(self.steps, min(self.steps + most, self._find_last_step(until))):
-            self.stepper.step(times.point(k), times.span(k, 1), times)
+            self.stepper.step(*stretch(times, k + 1, 1), times)
             if (failure := algorithm.network.find_nonfinite_signal(times.point(k + 1))) is not None:
                 algorithm.steps = k
                 raise failure

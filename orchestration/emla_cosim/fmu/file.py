@@ -49,6 +49,11 @@ class FmuFile:
         return str(self.interface.kinds[self.kind].modelIdentifier)
 
     @property
+    def is_ours(self) -> bool:
+        """Return whether `fmublock` built the FMU."""
+        return str(self.description.generationTool).endswith("fmublock")
+
+    @property
     def variables(self) -> dict[str, ModelVariable]:
         """Return the variables by name."""
         return self.interface.variables

@@ -130,14 +130,11 @@ class FmiInstance(ABC):
         result: list[Any] = [None] * len(variables)
         key = tuple(map(id, variables))
         if key not in self._layouts:
-            kinds = [
-                (kind, positions_of_kind, [variables[i] for i in positions_of_kind])
-                for kind, positions_of_kind in by_type(variables)
-            ]
-            self._layouts[key] = [
-                (kind, positions_of_kind, ElementLayout(members), members)
-                for kind, positions_of_kind, members in kinds
-            ]
+            self._layouts[key] = []
+            for kind, positions in by_type(variables):
+                members = [variables[i] for i in positions]
+                # `members` keeps the variables alive: the key has only their ids
+                self._layouts[key].append((kind, positions, ElementLayout(members), members))
         for kind, positions, layout, _ in self._layouts[key]:
             count = () if layout.size == len(layout.references) else (layout.size,)
             values = getattr(self.fmu, f"get{kind}")(layout.references, *count)

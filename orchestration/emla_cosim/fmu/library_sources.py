@@ -95,8 +95,8 @@ def find_source(library: str) -> str:
 
 def find_system_with_glibc(version: str) -> str:
     """Return the oldest systems with this version of glibc; empty if the table has none."""
-    needed = _parse_version(version)
-    return next((systems for glibc, systems in _GLIBC.items() if _parse_version(glibc) >= needed), "")
+    needed = parse_version(version)
+    return next((systems for glibc, systems in _GLIBC.items() if parse_version(glibc) >= needed), "")
 
 
 def find_version_of_gcc(symbol_version: str) -> str:
@@ -104,5 +104,6 @@ def find_version_of_gcc(symbol_version: str) -> str:
     return _GCC.get(symbol_version, "")
 
 
-def _parse_version(version: str) -> tuple[int, ...]:
-    return tuple(int(word) for word in version.split("."))
+def parse_version(version: str) -> tuple[int, ...]:
+    """Return the numbers of a version, such as `2.36` or `GLIBCXX_3.4.30`, to compare it with others."""
+    return tuple(int(word) for word in re.findall(r"\d+", version))

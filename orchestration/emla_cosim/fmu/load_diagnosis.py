@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from ..base.errors import join_names
 from ..base.wording import shorten_line
-from .library_sources import find_source, find_system_with_glibc, find_version_of_gcc
+from .library_sources import find_source, find_system_with_glibc, find_version_of_gcc, parse_version
 
 _LONGEST = 300
 """Most letters of the loader's message."""
@@ -138,7 +138,7 @@ def _diagnose_versions(binary: Any, text: str) -> LoadFailure | None:
     """Diagnose a library that needs newer versions of system libraries."""
     if (match := _VERSION.search(text)) is None:
         return None
-    holder, needed = match[1], max(_list_versions_of_family(binary, match[2]), key=_parse_version)
+    holder, needed = match[1], max(_list_versions_of_family(binary, match[2]), key=parse_version)
     family, _, number = needed.rpartition("_")
     if family == "GLIBC":
         glibc_here = ""
@@ -164,10 +164,6 @@ def _list_versions_of_family(binary: Any, needed: str) -> Iterator[str]:
     for requirement in getattr(binary, "symbols_version_requirement", ()):
         names = (str(auxiliary.name) for auxiliary in requirement.get_auxiliary_symbols())
         yield from (n for n in names if n.rpartition("_")[0] == needed.rpartition("_")[0])
-
-
-def _parse_version(version: str) -> tuple[int, ...]:
-    return tuple(int(word) for word in re.findall(r"\d+", version))
 
 
 def _diagnose_missing(library: Path, binary: Any, text: str) -> LoadFailure | None:

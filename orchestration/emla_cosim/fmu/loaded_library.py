@@ -19,12 +19,7 @@ _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
 _VALUES = (_POINTER, _POINTER, _SIZE, _POINTER)
 _CONTINUOUS = (_POINTER, _POINTER, _SIZE)
 _PROTOTYPES = {
-    "setReal": _VALUES,
-    "getReal": _VALUES,
-    "setInteger": _VALUES,
-    "getInteger": _VALUES,
-    "setBoolean": _VALUES,
-    "getBoolean": _VALUES,
+    **{f"{access}{kind}": _VALUES for kind in ("Real", "Integer", "Boolean") for access in ("set", "get")},
     "getFMUstate": (_POINTER, _POINTER),
     "setFMUstate": (_POINTER, _POINTER),
 }

@@ -299,7 +299,9 @@ class Assembly:
             is_number = variable.causality == "parameter" and variable.type in ("Real", "Integer", "Boolean")
             if is_number and value is not None:
                 name, alias = aliases.get(variable.name, (variable.name, Alias(variable.name)))
-                parameters[f"{component.name}.{name}"] = alias.transformation.inverse()(_make_number(value))
+                # a value may be written as text, also a Boolean
+                number = float(value == "true") if value in ("true", "false") else float(value)
+                parameters[f"{component.name}.{name}"] = alias.transformation.inverse()(number)
         return parameters
 
     def _type_start_values(self, component: Component) -> list[TypedValue]:
@@ -322,11 +324,6 @@ class Assembly:
         if not structure:
             return values
         return complete_start_values(name, interface, values, [x.input for x in self._resolved.into(name)])
-
-
-def _make_number(value: float | str) -> float:
-    """Return a value as a number: a Boolean, also one written as text, is 0 or 1."""
-    return float(value == "true") if value in ("true", "false") else float(value)
 
 
 def _find_non_default_values(component: Component, interface: Interface) -> dict[str, dict[str, Any]]:

@@ -116,10 +116,6 @@ def _mark_direct(links: Sequence[Link], stepped: Sequence[FmuInstance]) -> list[
     ]
 
 
-_OUR_TOOL = "fmublock"
-"""End of the name of the tool that builds our FMUs. Their discrete states are discrete local variables."""
-
-
 @dataclass(frozen=True)
 class Sampling:
     """Which components sample, by name.
@@ -149,9 +145,9 @@ def find_sampling(files: Mapping[str, FmuFile], declared: Collection[str]) -> Sa
 
 def _is_sampling(file: FmuFile) -> bool | None:
     """Return whether an FMU samples; None if its description does not show it."""
-    description, is_ours = file.description, str(file.description.generationTool).endswith(_OUR_TOOL)
-    causalities = ("local",) if is_ours else ("local", "output", "independent")
+    # our FMUs have their discrete states as discrete local variables
+    causalities = ("local",) if file.is_ours else ("local", "output", "independent")
     variables = [v for v in file.variables.values() if v.causality in causalities]
     if file.interface.clocks or any(v.variability == "discrete" for v in variables):
         return True
-    return False if is_ours or description.derivatives else None
+    return False if file.is_ours or file.description.derivatives else None

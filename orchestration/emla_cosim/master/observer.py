@@ -33,7 +33,11 @@ class Observer:
         variables: Sequence["NamedVariable"] = (),
         steps_per_row: int = 1,
     ) -> None:
-        self.variables = _sort_by_instance(variables, list(instances))
+        position = {name: i for i, name in enumerate(instances)}
+        # the numbers of an instance are one part of `values`, so the texts come after them
+        self.variables = sorted(
+            variables, key=lambda v: (position[v.component.name], v.variable.type == "String")
+        )
         self.names = [v.full_name for v in self.variables]
         self.values: Vector = np.full(len(self.variables), np.nan)
         self.texts, self.steps_per_row = Texts(), steps_per_row
@@ -65,9 +69,3 @@ class Observer:
     def find_next_due(self, steps: int) -> int:
         """Return the number of steps at the next row that is due for texts."""
         return (steps // self.steps_per_row + 1) * self.steps_per_row
-
-
-def _sort_by_instance(variables: Sequence["NamedVariable"], components: list[str]) -> list["NamedVariable"]:
-    """Return the variables by component, with the texts of each at its end."""
-    position = {name: i for i, name in enumerate(components)}
-    return sorted(variables, key=lambda v: (position[v.component.name], v.variable.type == "String"))

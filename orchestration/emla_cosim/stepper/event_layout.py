@@ -5,7 +5,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from .layout import CALL
+from .layout import CALL, of_kind
 
 DO_STEP, UPDATE, SET_CLOCK, GET_CLOCK = "doStep", "updateDiscreteStates", "setClock", "getClock"
 
@@ -80,47 +80,14 @@ class Events(ctypes.Structure):
         ("component", _POINTER),
         ("functions", len(FUNCTIONS) * _POINTER),
         ("codes", len(FUNCTIONS) * ctypes.c_int64),
-        ("clocks", _POINTER),
-        ("inputs", _POINTER),
-        ("discrete", _POINTER),
-        ("discrete_setters", _POINTER),
-        ("setters", _POINTER),
-        ("hand_setters", _POINTER),
-        ("getters", _POINTER),
-        ("needed", _POINTER),
-        ("timed", _POINTER),
-        ("triggered", _POINTER),
-        ("listed", _POINTER),
-        ("clock_count", _INT),
-        ("output_clock_count", _INT),
-        ("discrete_count", _INT),
-        ("discrete_setter_count", _INT),
-        ("setter_count", _INT),
-        ("hand_setter_count", _INT),
-        ("getter_count", _INT),
-        ("timed_count", _INT),
-        ("triggered_count", _INT),
-        ("memory_size", _INT),
-        ("has_event_mode", _INT),
-        ("may_return_early", _INT),
-        ("varies_step", _INT),
-        ("memory", _POINTER),
-        ("passed", _POINTER),
-        ("schedule", _POINTER),
-        ("values", _POINTER),
-        ("counts", _POINTER),
-        ("marks", _POINTER),
-        ("active", _POINTER),
-        ("references", _POINTER),
-        ("time", _DOUBLE),
-        ("first_return", _DOUBLE),
-        ("value", _DOUBLE),
-        ("problem", _INT),
-        ("call", _INT),
-        ("status", _INT),
-        ("clock", _INT),
-        ("count", _INT),
-        ("unused", _INT),
+        *of_kind(_POINTER, "clocks inputs discrete discrete_setters setters hand_setters getters needed"),
+        *of_kind(_POINTER, "timed triggered listed"),
+        *of_kind(_INT, "clock_count output_clock_count discrete_count discrete_setter_count"),
+        *of_kind(_INT, "setter_count hand_setter_count getter_count timed_count triggered_count"),
+        *of_kind(_INT, "memory_size has_event_mode may_return_early varies_step"),
+        *of_kind(_POINTER, "memory passed schedule values counts marks active references"),
+        *of_kind(_DOUBLE, "time first_return value"),
+        *of_kind(_INT, "problem call status clock count unused"),
     )
     time: float
     first_return: float

@@ -2,6 +2,7 @@
 
 import ctypes
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
@@ -55,103 +56,61 @@ SIGNALS, PREVIOUS, FIRST_STORE = 0, 1, 2
 """Positions of the vectors that operations read and combine."""
 
 
-def _record(**fields: str) -> np.dtype:
-    return np.dtype(list(fields.items()), align=True)
+def of_kind(kind: Any, names: str) -> list[tuple[str, Any]]:
+    """Return successive fields of one type, from their names with blanks between."""
+    return [(name, kind) for name in names.split()]
+
+
+def _record(*fields: tuple[str, str]) -> np.dtype:
+    # aligned as a C compiler aligns a struct, so that the tables need no packing
+    return np.dtype(list(fields), align=True)
 
 
 CALL = _record(
-    function=_ADDRESS,
-    component=_ADDRESS,
-    references=_ADDRESS,
-    values=_ADDRESS,
-    code=_CODE,
-    reference_count=_INT32,
-    value_count=_INT32,
-    is_version_3=_INT32,
-    item_count=_INT32,
-    items=_ADDRESS,
-    places=_ADDRESS,
-    type=_INT32,
-    instance=_INT32,
+    *of_kind(_ADDRESS, "function component references values"),
+    ("code", _CODE),
+    *of_kind(_INT32, "reference_count value_count is_version_3 item_count"),
+    *of_kind(_ADDRESS, "items places"),
+    *of_kind(_INT32, "type instance"),
 )
 
 INSTANCE = _record(
-    component=_ADDRESS,
-    do_step=_ADDRESS,
-    setters=_ADDRESS,
-    getters=_ADDRESS,
-    code=_CODE,
-    code_step=_INT32,
-    setter_count=_INT32,
-    getter_count=_INT32,
-    first_input=_INT32,
-    input_count=_INT32,
-    first_output=_INT32,
-    output_count=_INT32,
-    mode=_INT32,
-    is_version_3=_INT32,
-    has_no_way_back=_INT32,
-    is_rare=_INT32,
-    is_held=_INT32,
-    has_slopes=_INT32,
-    code_derivatives=_INT32,
-    code_save=_INT32,
-    code_restore=_INT32,
-    code_status=_INT32,
-    set_derivatives=_ADDRESS,
-    get_state=_ADDRESS,
-    set_state=_ADDRESS,
-    get_status=_ADDRESS,
-    end_step=_ADDRESS,
-    references=_ADDRESS,
-    orders=_ADDRESS,
-    end=_ADDRESS,
-    state=_ADDRESS,
-    events=_ADDRESS,
-    effort=_ADDRESS,
+    *of_kind(_ADDRESS, "component do_step setters getters"),
+    ("code", _CODE),
+    *of_kind(_INT32, "code_step setter_count getter_count first_input input_count first_output"),
+    *of_kind(_INT32, "output_count mode is_version_3 has_no_way_back is_rare is_held has_slopes"),
+    *of_kind(_INT32, "code_derivatives code_save code_restore code_status"),
+    *of_kind(_ADDRESS, "set_derivatives get_state set_state get_status end_step references orders end"),
+    *of_kind(_ADDRESS, "state events effort"),
 )
 
-SAVED_STATE = _record(state=_ADDRESS, events=_ADDRESS)
+SAVED_STATE = _record(*of_kind(_ADDRESS, "state events"))
 
-INPUT = _record(factor=_REAL, offset=_REAL, signal=_INT32, moves=_INT32, known=_INT32, unused=_INT32)
+INPUT = _record(*of_kind(_REAL, "factor offset"), *of_kind(_INT32, "signal moves known unused"))
 
-SIGNAL = _record(floor=_REAL, instance=_INT32, is_smooth=_INT32)
+SIGNAL = _record(("floor", _REAL), *of_kind(_INT32, "instance is_smooth"))
 
-OPERATION = _record(every=_CODE, call=_INT32, target=_INT32, store=_INT32, unused=_INT32)
+OPERATION = _record(("every", _CODE), *of_kind(_INT32, "call target store unused"))
 
-COMBINATION = _record(instance=_INT32, into=_INT32, first_term=_INT32, term_count=_INT32)
+COMBINATION = _record(*of_kind(_INT32, "instance into first_term term_count"))
 
-TERM = _record(factor=_REAL, store=_INT32, unused=_INT32)
+TERM = _record(("factor", _REAL), *of_kind(_INT32, "store unused"))
 
 GROUP = _record(
-    members=_ADDRESS,
-    coupling=_ADDRESS,
-    operations=_ADDRESS,
-    jacobian=_ADDRESS,
-    guess=_ADDRESS,
-    sizes=_ADDRESS,
-    direction=_ADDRESS,
-    earlier=_ADDRESS,
-    basis=_ADDRESS,
-    residuals=_ADDRESS,
-    answers=_ADDRESS,
-    kept=_ADDRESS,
-    member_count=_INT32,
-    coupling_count=_INT32,
-    operation_count=_INT32,
-    is_saved=_INT32,
-    is_halved=_INT32,
+    *of_kind(_ADDRESS, "members coupling operations jacobian guess sizes direction earlier basis"),
+    *of_kind(_ADDRESS, "residuals answers kept"),
+    *of_kind(_INT32, "member_count coupling_count operation_count is_saved is_halved"),
 )
 
 EFFORT = np.dtype([("now", _ADDRESS), *((n, _CODE, 5) for n in ("counts", "nanoseconds", "unused"))])
 
-DIVISION = _record(steps=_CODE, shortest=_REAL)
+DIVISION = _record(("steps", _CODE), ("shortest", _REAL))
 
-WAIT = _record(lane=_INT32, tasks=_INT32)
+WAIT = _record(*of_kind(_INT32, "lane tasks"))
 
-TASK = _record(waits=_ADDRESS, wait_count=_INT32, operation=_INT32)
+TASK = _record(("waits", _ADDRESS), *of_kind(_INT32, "wait_count operation"))
 
-LANE = _record(tasks=_ADDRESS, activity=_ADDRESS, task_count=_CODE)
+LANE = _record(*of_kind(_ADDRESS, "tasks activity"), ("task_count", _CODE))
 
 _POINTER, _INT, _LONG, _DOUBLE = ctypes.c_void_p, ctypes.c_int32, ctypes.c_int64, ctypes.c_double
 
@@ -160,54 +119,22 @@ class Stepper(ctypes.Structure):
     """The tables of a system, its memory, and what ended its last run."""
 
     _fields_ = (
-        ("instances", _POINTER),
-        ("inputs", _POINTER),
-        ("signals", _POINTER),
-        ("operations", _POINTER),
-        ("combinations", _POINTER),
-        ("terms", _POINTER),
-        ("groups", _POINTER),
-        ("read", _POINTER),
-        ("follows", _POINTER),
-        ("observers", _POINTER),
+        *of_kind(_POINTER, "instances inputs signals operations combinations terms groups read follows"),
+        *of_kind(_POINTER, "observers"),
         ("coupling_tolerance", _DOUBLE),
-        ("signal_count", _INT),
-        ("operation_count", _INT),
-        ("group_count", _INT),
-        ("read_count", _INT),
-        ("observer_count", _INT),
-        ("observed_count", _INT),
-        ("sweep_limit", _INT),
-        ("halving_limit", _INT),
-        ("first_span", _INT),
-        ("stores", _POINTER),
-        ("at", _POINTER),
-        ("before", _POINTER),
-        ("input_values", _POINTER),
-        ("derivatives", _POINTER),
-        ("taken", _POINTER),
-        ("taken_at", _POINTER),
-        ("largest", _POINTER),
-        ("observed", _POINTER),
-        ("divisions", _POINTER),
-        ("activity", _POINTER),
-        ("stop", _POINTER),
+        *of_kind(_INT, "signal_count operation_count group_count read_count observer_count"),
+        *of_kind(_INT, "observed_count sweep_limit halving_limit first_span"),
+        *of_kind(_POINTER, "stores at before input_values derivatives taken taken_at largest observed"),
+        *of_kind(_POINTER, "divisions activity stop"),
         ("clock", 3 * _DOUBLE),
         ("last_point", _DOUBLE),
-        ("reached", _LONG),
-        ("recorded", _LONG),
-        ("sweeps", _LONG),
-        ("time", _DOUBLE),
-        ("length", _DOUBLE),
-        ("failure", _INT),
-        ("instance", _INT),
-        ("status", _INT),
-        ("group", _INT),
-        ("group_sweeps", _INT),
+        *of_kind(_LONG, "reached recorded sweeps"),
+        *of_kind(_DOUBLE, "time length"),
+        *of_kind(_INT, "failure instance status group group_sweeps"),
     )
 
 
-CONTROLLED = _record(signal=_INT32, is_unread=_INT32, is_instant=_INT32)
+CONTROLLED = _record(*of_kind(_INT32, "signal is_unread is_instant"))
 
 
 class Control(ctypes.Structure):
@@ -215,44 +142,18 @@ class Control(ctypes.Structure):
 
     _fields_ = (
         ("controlled", _POINTER),
-        ("tolerance", _DOUBLE),
-        ("divisor", _DOUBLE),
-        ("start", _DOUBLE),
-        ("leap_limit", _DOUBLE),
-        ("short_limit", _DOUBLE),
-        ("shortest", _DOUBLE),
-        ("longest", _DOUBLE),
-        ("controlled_count", _INT),
-        ("instance_count", _INT),
-        ("states", _POINTER),
-        ("memory", _POINTER),
-        ("copy", _POINTER),
-        ("coarse", _POINTER),
-        ("next_coarse", _POINTER),
+        *of_kind(_DOUBLE, "tolerance divisor start leap_limit short_limit shortest longest"),
+        *of_kind(_INT, "controlled_count instance_count"),
+        *of_kind(_POINTER, "states memory copy coarse next_coarse"),
         ("memory_count", _LONG),
-        ("whole", _POINTER),
-        ("errors", _POINTER),
-        ("judged", _POINTER),
-        ("total", _POINTER),
-        ("first_errors", _POINTER),
-        ("jumps", _POINTER),
-        ("jumped", _POINTER),
-        ("time", _DOUBLE),
-        ("step", _DOUBLE),
-        ("last_error", _DOUBLE),
-        ("exponent", _DOUBLE),
-        ("first_rejected", _DOUBLE),
-        ("coarse_time", _DOUBLE),
-        ("accepted", _LONG),
-        ("rejected", _LONG),
-        ("is_per_unit", _INT),
-        ("is_event", _INT),
-        ("point", _DOUBLE),
-        ("enough", _DOUBLE),
+        *of_kind(_POINTER, "whole errors judged total first_errors jumps jumped"),
+        *of_kind(_DOUBLE, "time step last_error exponent first_rejected coarse_time"),
+        *of_kind(_LONG, "accepted rejected"),
+        *of_kind(_INT, "is_per_unit is_event"),
+        *of_kind(_DOUBLE, "point enough"),
         ("tried", _LONG),
         ("end", _DOUBLE),
-        ("is_met", _INT),
-        ("worst", _INT),
+        *of_kind(_INT, "is_met worst"),
     )
 
 
@@ -260,12 +161,8 @@ class Halves(ctypes.Structure):
     """How steps are done in halves: see halves.c."""
 
     _fields_ = (
-        ("parts", _POINTER),
-        ("continuous", _POINTER),
-        ("states", _POINTER),
-        ("kept", _POINTER),
-        ("continuous_count", _INT),
-        ("instance_count", _INT),
+        *of_kind(_POINTER, "parts continuous states kept"),
+        *of_kind(_INT, "continuous_count instance_count"),
     )
 
 

@@ -17,7 +17,6 @@ from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import (
     MAXIMUM_STEPS,
-    CommunicationPoints,
     make_clock,
     make_communication_points,
 )
@@ -54,40 +53,6 @@ def test_points_of_any_short_decimal_numbers_are_nearest(p: int, s: int, digits:
 @example(1.0 / 3.0, 1e-4, 12345)
 def test_numbers_without_a_short_decimal_form_represent_themselves(start: float, step: float, k: int) -> None:
     assert make_clock(start, step).point(k) == start + k * step
-
-
-@given(st.integers(0, 60), st.integers(0, 2**40))
-def test_multiples_of_a_power_of_two_are_exact(exponent: int, k: int) -> None:
-    step = 2.0**-exponent
-    assert Fraction(make_clock(0.0, step).point(k)) == k * Fraction(step)
-
-
-@given(counts)
-def test_points_are_those_of_a_clock_that_counts_nanoseconds(k: int) -> None:
-    """As libcosim does."""
-    times = make_communication_points(1000.0, 1e-4)
-    assert times.point(k) == (k * 100_000) / 1e9
-    assert times.span(k, 1) == ((k + 1) * 100_000) / 1e9 - (k * 100_000) / 1e9
-
-
-# ---- steps -------------------------------------------------------------------------------------
-
-
-@given(st.sampled_from(DECIMAL_STEPS + OTHER_STEPS), counts, st.sampled_from([1, 2, 3, 10]))
-def test_a_point_and_the_step_from_it_are_the_next_point(step: float, k: int, multiple: int) -> None:
-    times, begin = CommunicationPoints(0.0, step, 10**8), k * multiple
-    assert times.point(begin) + times.span(begin, multiple) == times.point(begin + multiple)
-
-
-@given(st.sampled_from(STARTS), st.sampled_from([1e-4, 5e-6, 3e-5, 1.0 / 3.0, 2.0**-13]), counts)
-def test_steps_join_after_another_start(start: float, step: float, k: int) -> None:
-    """Within a step of zero the difference has more digits than the numbers that it would have to join."""
-    times = CommunicationPoints(start, step, 10**8)
-    point, after = times.point(k), times.point(k + 1)
-    if point == 0.0 or after == 0.0 or (point * after > 0.0 and 0.5 <= point / after <= 2.0):
-        assert point + times.span(k, 1) == after
-    else:
-        assert point + times.span(k, 1) == pytest.approx(after, rel=0.0, abs=1e-15 * step)
 
 
 # ---- steps of instances ----------------------------------------------------------------------

@@ -121,8 +121,7 @@ class Algorithm(ABC):
             if name not in names:
                 raise CommandError(f"there is no component '{name}' for a step multiple.")
             if not 1 <= multiple <= MOST:
-                least = multiple < 1
-                right = "at least 1" if least else f"at most {MOST}"
+                right = "at least 1" if multiple < 1 else f"at most {MOST}"
                 raise CommandError(f"the step multiple {multiple} of {name} must be {right}.")
         self.multiples = np.array([self.step_multiples.get(n, 1) for n in names], dtype=np.int64)
         self.scale, self.sweeps = Scale(network), 0
@@ -139,7 +138,12 @@ class Algorithm(ABC):
         for instruction in operations:
             self._apply_step_multiple(instruction, operations)
         names, count = list_vectors(program), len(self.network.signals)
-        self.known = self._find_known_sources(program)
+        combined = {x.instance for x in program if isinstance(x, Combine)}
+        self.known = frozenset(
+            i
+            for i in self.network.tables - combined
+            if self.multiples[i] == 1 and self.network.instances[i].name not in self.step_multiples
+        )
         # known signals must be there when others read them
         self.program = move_first(program, self.known)
         self.operations = [x for x in self.program if isinstance(x, Operation)]
@@ -149,14 +153,6 @@ class Algorithm(ABC):
             self.exchange.use_known_sources(self.known, np.flatnonzero(self.multiples > 1).tolist())
         self.groups = [self.make_group(list(x.members)) for x in self.program if isinstance(x, Solve)]
         self._gather_changing_values()
-
-    def _find_known_sources(self, program: Sequence[Instruction]) -> frozenset[int]:
-        """Return the tables that can step before all others, so that their signals are known in advance."""
-        combined = {x.instance for x in program if isinstance(x, Combine)}
-        names = {i: self.network.instances[i].name for i in self.network.tables - combined}
-        return frozenset(
-            i for i, name in names.items() if self.multiples[i] == 1 and name not in self.step_multiples
-        )
 
     def _gather_changing_values(self) -> None:
         """Move all that steps change into one block."""

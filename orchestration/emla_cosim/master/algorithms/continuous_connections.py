@@ -50,10 +50,8 @@ def list_continuous_connections(
         samplers: Names of components that sample. Components with a step multiple are added.
     """
     network, exchange = algorithm.network, algorithm.exchange
-    sampling = {*samplers, *getattr(algorithm, "step_multiples", ())}
-    sampling |= {
-        instance.name for instance, rare in zip(network.instances, exchange.rare, strict=True) if rare
-    }
+    sampling = {*samplers, *algorithm.step_multiples}
+    sampling |= {x.name for x, is_rare in zip(network.instances, exchange.rare, strict=True) if is_rare}
     late = {id(link) for link in algorithm.late_links()}
     paths = [
         (first, last, is_late)
@@ -63,7 +61,11 @@ def list_continuous_connections(
         if _is_continuous(network, first, last, sampling)
     ]
     loops = _number_loops([(first.source, last.target) for first, last, _ in paths])
-    coupling_positions = _locate_coupling_variables(algorithm)
+    coupling_positions = {
+        int(signal): (number, position)
+        for number, group in enumerate(algorithm.groups)
+        for position, signal in enumerate(group.coupling_variables)
+    }
     connections = []
     for first, last, is_late in paths:
         signal, is_in_loop = network.signal(first), loops.get(first.source, -1) == loops.get(last.target, -2)
@@ -149,12 +151,3 @@ def _list_in_post_order(start: int, neighbours: Mapping[int, Sequence[int]], vis
             visited.add(following)
             path.append((following, iter(neighbours.get(following, ()))))
     return finished
-
-
-def _locate_coupling_variables(algorithm: Algorithm) -> dict[int, tuple[int, int]]:
-    """Return the number of the loop and the position among its coupling variables, by signal."""
-    return {
-        int(signal): (number, position)
-        for number, group in enumerate(algorithm.groups)
-        for position, signal in enumerate(group.coupling_variables)
-    }

@@ -246,10 +246,7 @@ def _has_following_outputs(instance: FmuInstance, is_known_input: NDArray[np.boo
 
 
 def _choose_mode(extrapolation: str, can_interpolate: bool) -> Mode:
-    match extrapolation:
-        case "none":
-            return Mode.HOLD
-        case "fmu" if can_interpolate:
-            return Mode.LINE
-        case _:
-            return Mode.MIDDLE
+    if extrapolation == "none":
+        return Mode.HOLD
+    # an FMU that cannot interpolate gets the value that its input has on average in the step
+    return Mode.LINE if extrapolation == "fmu" and can_interpolate else Mode.MIDDLE

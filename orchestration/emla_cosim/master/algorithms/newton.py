@@ -140,15 +140,11 @@ class Newton:
         if inverse.hidden.size:
             inverse = self._invert_differences(x, value, np.maximum(sizes, np.abs(gap)))
         if inverse.hidden.size:
-            uncorrectable = gap - self._find_correctable_part(inverse, gap)
+            uncorrectable = gap - self._slopes @ (inverse.matrix @ gap)
             if self._weigh(x, uncorrectable) > TOLERANCE:
                 main = np.abs(inverse.hidden).max(axis=1)
                 raise NoSolutionError(gap, self._calls, main > 0.1 * main.max())
         return inverse
-
-    def _find_correctable_part(self, inverse: _Inverse, gap: Vector) -> Vector:
-        """Return the part of a gap that a correction removes."""
-        return self._slopes @ (inverse.matrix @ gap)
 
     def _invert_differences(self, x: Vector, value: Vector, steps: Vector) -> _Inverse:
         count, sizes = len(x), self._sizes(x)

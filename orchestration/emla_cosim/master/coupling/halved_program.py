@@ -77,7 +77,8 @@ class _Halving:
 
     def __init__(self, algorithm: Algorithm, operations: NDArray[Any], sampling: frozenset[int]) -> None:
         self._algorithm, self._operations, self._sampling = algorithm, operations, sampling
-        self._written = {i: n for n, x in enumerate(operations) for i in self._find_written(x)}
+        writing = [(n, x) for n, x in enumerate(operations) if x["call"] in (Call.SOLVE, Call.GET)]
+        self._written = {i: n for n, x in writing for i in self._find_members(x) if i in sampling}
         self._with_old_signals = set[int]()  # samplers whose signals are those from the start of the step
         self.groups = list[CoupledGroup]()
 
@@ -120,11 +121,6 @@ class _Halving:
         if operation["call"] == Call.SOLVE:
             return self._algorithm.groups[target].members
         return [target] if target < len(self._algorithm.network.instances) else []
-
-    def _find_written(self, operation: Any) -> list[int]:
-        """Return the samplers whose signals an operation writes."""
-        writes = operation["call"] in (Call.SOLVE, Call.GET)
-        return [i for i in self._find_members(operation) if writes and i in self._sampling]
 
     def _find_old(self, n: int, operation: Any) -> set[int]:
         """Return the samplers that operation n reads before they are written; none if it reads nothing."""

@@ -47,7 +47,8 @@ class DescribedInstance(FmuInstance):
         self.continuous_inputs = np.array([v.variability == "continuous" for v in self.read], dtype=bool)
         self.continuous_outputs = np.array([v.variability == "continuous" for v in self.written], dtype=bool)
         self.nominals = np.array([_nominal(v) for v in self.written])
-        self.input_starts = np.array([_parse_start(v) for v in self.read])
+        booleans = {"true": "1", "false": "0", None: "0"}
+        self.input_starts = np.array([float(booleans.get(v.start, str(v.start))) for v in self.read])
         self.inputs, self.outputs = self.input_starts.copy(), np.zeros(len(self.written))
         self.tolerance: float | None = None
         """Relative tolerance of the FMU's solver in the next run; None leaves it to the FMU."""
@@ -86,10 +87,6 @@ class DescribedInstance(FmuInstance):
     @abstractmethod
     def value(self, variable: ModelVariable) -> Any:
         """Return the present value of a variable."""
-
-
-def _parse_start(variable: ModelVariable) -> float:
-    return float({"true": "1", "false": "0", None: "0"}.get(variable.start, str(variable.start)))
 
 
 def _nominal(variable: ModelVariable) -> float:

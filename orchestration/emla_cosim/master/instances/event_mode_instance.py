@@ -4,6 +4,7 @@ import ctypes
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,22 +15,15 @@ from ...base.errors import RunError
 from ...fmu.clocks import CLOCK, is_clocked, read_input_clocks
 from ...fmu.elements import is_version_3
 from ...fmu.file import FmuFile
-from ...fmu.instance import ERROR, FINE, OK
+from ...fmu.instance import ERROR, OK
 from ...fmu.interface import CO_SIMULATION
-from ...fmu.log import FmuLog
 from ...stepper.event_layout import DO_STEP
-from ...stepper.layout import OUT_OF_RANGE
 from ...stepper.library import require_stepper
 from .event_errors import explain_problem
 from .event_tables import EventTables, FmiAccess
-from .fmu_instance import CallNames, EntryPoints, GroupCall
-from .in_process_instance import InProcessInstance
-from .typed_values import TypedValues, TypeGroup, ValueRangeError
-
-_SETTING, _GETTING, _RECORDING = "setting inputs", "getting outputs", "getting recorded variables"
-
-_CALLS = {"setReal": _SETTING, "getReal": _GETTING}
-"""The stepper's names of these calls."""
+from .fmu_instance import CallNames, EntryPoints
+from .in_process_instance import GETTING, RECORDING, SETTING, InProcessInstance
+from .typed_values import TypedValues, TypeGroup
 
 
 class SavedState(ctypes.c_void_p):
@@ -57,42 +51,37 @@ class EventModeInstance(InProcessInstance):
 
     `events.h` of the stepper handles the events. This class has the tables of the instance, its
     initialization, and the values that a user sets and reads.
+
+    Attributes:
+        tables: Its tables for the stepper.
     """
 
-    _tables: EventTables | None = None
+    tables: EventTables
 
-    def __init__(
-        self,
-        name: str,
-        file: FmuFile,
-        inputs: Sequence[str],
-        outputs: Sequence[str],
-        log: FmuLog,
-        number: int = 0,
-    ) -> None:
-        """Instantiate the FMU; see `InProcessInstance`."""
-        self._uses_event_mode = file.has_capability("hasEventMode")
-        self.instantiation = {
-            "eventModeUsed": self._uses_event_mode,
-            "earlyReturnAllowed": _can_return_early(file),
-        }
-        super().__init__(name, file, inputs, outputs, log, number)
-        clocks = read_input_clocks(file.folder, file.path) if self._uses_event_mode else []
+    @cached_property
+    def _uses_event_mode(self) -> bool:
+        return self.file.has_capability("hasEventMode")
+
+    @property
+    def instantiation(self) -> Mapping[str, bool]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Return what `fmi3InstantiateCoSimulation` gets."""
+        return {"eventModeUsed": self._uses_event_mode, "earlyReturnAllowed": _can_return_early(self.file)}
+
+    def _prepare_events(self) -> None:
+        file, has_event_mode = self.file, self._uses_event_mode
+        clocks = read_input_clocks(file.folder, file.path) if has_event_mode else []
         access = FmiAccess(self._functions, self._library.addresses, self._codes, self.arrays)
-        tables = EventTables(file.variables, self.read, clocks, self._uses_event_mode, access)
-        tables.record.may_return_early = self.instantiation["earlyReturnAllowed"]
-        tables.record.varies_step = self.varies_step
-        self._tables = tables
+        self.tables = EventTables(file.variables, self.read, clocks, has_event_mode, access)
+        self.tables.record.may_return_early = _can_return_early(file)
+        self.tables.record.varies_step = self.varies_step
         self._values_by_hand: dict[str, tuple[ModelVariable, Any]] = {}
         self._error_by_hand: RunError | None = None
-        self._getter = _Getter(tables, self.written, self._functions)
-        self.bind(self.inputs, self.outputs)
-        self.observe([], np.empty(0))
+        self._getter = _Getter(self.tables, self.written, self._functions)
 
     @property
     def violations(self) -> list[str]:
         """Violations of the standard in this run that were accepted."""
-        time = math.nan if self._tables is None else self._tables.record.first_return
+        time = self.tables.record.first_return
         if math.isnan(time):
             return []
         return [
@@ -103,8 +92,7 @@ class EventModeInstance(InProcessInstance):
     def bind(self, inputs: Vector, outputs: Vector) -> None:
         """Use this memory for inputs and outputs; the instance keeps its addresses."""
         super().bind(inputs, outputs)
-        if self._tables is not None:
-            self._tables.bind(self._address, inputs)
+        self.tables.bind(self._address, inputs)
 
     def reset(self) -> None:
         """Return to the state right after instantiation."""
@@ -158,49 +146,42 @@ class EventModeInstance(InProcessInstance):
 
         The value of a clock is the number of its ticks.
         """
-        if self._tables is not None:
-            (position,) = self._tables.find_places([variable])
-            if variable.type == CLOCK:
-                return int(self._tables.memory[position])
-            if position >= 0 and self._stepping:
-                return self._tables.memory[position]
+        (position,) = self.tables.find_places([variable])
+        if variable.type == CLOCK:
+            return int(self.tables.memory[position])
+        if position >= 0 and self._stepping:
+            return self.tables.memory[position]
         return super().value(variable)
 
     def set_inputs(self) -> None:
         """Pass `inputs` to the FMU; after initialization discrete ones wait for the next step."""
-        if not self._stepping:
+        if self._stepping:
+            self._set_typed_inputs(self.tables.continuous)
+        else:
             super().set_inputs()
-            return
-        try:
-            status = self.tables.continuous.set(self._component, self.inputs)
-        except ValueRangeError as error:
-            raise self._make_range_error(error) from error
-        if status not in FINE:
-            raise self.error(_SETTING, status)
 
     def get_outputs(self) -> None:
         """Read the FMU's outputs into `outputs`; clocked ones are those of the last tick."""
-        if not self._stepping:
+        if self._stepping:
+            self._check(GETTING, self._getter.get(self._component, self.outputs))
+        else:
             super().get_outputs()
             self._getter.copy_ticks(self.outputs)
-        elif (status := self._getter.get(self._component, self.outputs)) not in FINE:
-            raise self.error(_GETTING, status)
 
     def observe(self, names: Sequence[str], values: Vector) -> None:
         """Choose the numeric variables that `get_observed` reads, and where to."""
         super().observe(names, values)
-        if self._tables is not None:
-            variables = [self.file.variables[name] for name in names]
-            self._observer = _Getter(self._tables, variables, self._functions)
+        variables = [self.file.variables[name] for name in names]
+        self._observer = _Getter(self.tables, variables, self._functions)
 
     def get_observed(self) -> None:
         """Read the observed variables; clocked ones are those of the last tick."""
         values = self._observed[1]
-        if not self._stepping:
+        if self._stepping:
+            self._check(RECORDING, self._observer.get(self._component, values))
+        else:
             super().get_observed()
             self._observer.copy_ticks(values)
-        elif (status := self._observer.get(self._component, values)) not in FINE:
-            raise self.error(_RECORDING, status)
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s, and handle the events in between and at the end."""
@@ -230,13 +211,15 @@ class EventModeInstance(InProcessInstance):
 
     def entry_points(self) -> EntryPoints:
         """Return the addresses of the FMU's functions, and of the tables of its events."""
-        address = self._library.addresses
-        setters = [GroupCall(address[g.call], g) for g in self.tables.continuous.groups]
-        names = CallNames(_SETTING, _GETTING, "getFMUState", "setFMUState")
-        getters = [GroupCall(address.get(g.call, 0), g) for g in self._getter.groups]
         points = super().entry_points()
         assert points is not None
-        return replace(points, names=names, setters=setters, getters=getters, events=self.tables.address)
+        return replace(
+            points,
+            names=CallNames(SETTING, GETTING, "getFMUState", "setFMUState"),
+            setters=self._list_calls(self.tables.continuous.groups),
+            getters=self._list_calls(self._getter.groups),
+            events=self.tables.address,
+        )
 
     @property
     def _observed_types(self) -> Sequence[TypeGroup]:
@@ -246,20 +229,11 @@ class EventModeInstance(InProcessInstance):
         """Return the error for a call that returned this status, or for a problem in a step."""
         if call.startswith(DO_STEP) and self.tables.record.problem:
             return self._explain()
-        call = _CALLS.get(call, call)
-        if call == _SETTING and status == OUT_OF_RANGE:
-            try:
-                self.tables.continuous.check(self.inputs)
-                self.tables.check_range(self.inputs)
-            except ValueRangeError as error:
-                return self._make_range_error(error)
         return super().error(call, status)
 
     @property
-    def tables(self) -> EventTables:
-        """Return the tables for the stepper."""
-        assert self._tables is not None
-        return self._tables
+    def _setters(self) -> Sequence[TypedValues]:
+        return self.tables.setters
 
     def _do(self, call: str, function: Callable[..., int], *arguments: Any) -> None:
         """Call a function of the stepper; an exception of Python in it counts as one of this FMI call."""

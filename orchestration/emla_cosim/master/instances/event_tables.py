@@ -66,6 +66,7 @@ class EventTables:
         passed: The part with the discrete inputs.
         discrete: The positions of discrete inputs in the input vector.
         continuous: Sets the inputs that change in step mode.
+        first_count: Where the numbers of ticks begin in the memory.
     """
 
     def __init__(
@@ -97,11 +98,6 @@ class EventTables:
         self.record.has_event_mode, self.record.first_return = has_event_mode, math.nan
         self.set_by_hand([])
         self.restart(math.nan)
-
-    @property
-    def first_count(self) -> int:
-        """Return where the numbers of ticks begin in the memory."""
-        return self._first_count
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
@@ -177,10 +173,10 @@ class EventTables:
         self._use_by_hand(calls, [])
         return {str(v.name): values_by_reference[int(v.valueReference)] for v in variables}
 
-    def check_range(self, inputs: Vector) -> None:
-        """Raise ValueRangeError if an input that changes in event mode does not fit into its type."""
-        for typed in (self._discrete_setters, self._clocked_setters):
-            typed.check(inputs)
+    @property
+    def setters(self) -> tuple[TypedValues, ...]:
+        """Return what sets inputs in step mode, in event mode and at ticks."""
+        return self.continuous, self._discrete_setters, self._clocked_setters
 
     def name_clock(self, clock: int) -> str:
         """Return the name of a clock by its position."""
@@ -215,11 +211,11 @@ class EventTables:
 
     def _fill_memory(self, clocks: int) -> None:
         record, sizes = self.record, (len(self.discrete), TICKS_SIZE * clocks, len(self._clocked))
-        first, self._first_value, self._first_count = (int(n) for n in FIRST_PASSED + np.cumsum(sizes))
+        first, self._first_value, self.first_count = (int(n) for n in FIRST_PASSED + np.cumsum(sizes))
         self._state_positions = {v.name: i for i, v in enumerate(self._clocked, self._first_value)}
-        self._state_positions |= {v.name: self._first_count + self._find_position(v) for v in self._ticking}
-        self.memory = np.empty(self._first_count + len(self._references))
-        self.passed, self._counts = self.memory[FIRST_PASSED:first], self.memory[self._first_count :]
+        self._state_positions |= {v.name: self.first_count + self._find_position(v) for v in self._ticking}
+        self.memory = np.empty(self.first_count + len(self._references))
+        self.passed, self._counts = self.memory[FIRST_PASSED:first], self.memory[self.first_count :]
         record.memory, record.memory_size = self._keep(self.memory), len(self.memory)
         record.passed, record.schedule = self.passed.ctypes.data, self.memory[first:].ctypes.data
         record.values, record.counts = self.memory[self._first_value :].ctypes.data, self._counts.ctypes.data

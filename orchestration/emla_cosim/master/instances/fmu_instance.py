@@ -75,33 +75,8 @@ class PythonExceptionError(InstanceError):
         self.args = (" ".join(filter(None, (str(self), remedy, REMEDY))),)
 
 
-@dataclass(frozen=True)
-class ObservedGroup:
-    """What the stepper needs to read observed variables of one type with one FMI call.
-
-    Attributes:
-        call: the FMI function without its prefix, such as getInteger.
-        function: its address.
-        component: the instance (`fmi2Component`).
-        references: value references.
-        values: memory for the values, doubles or C ints.
-        boolean: whether these are Booleans, of which any other value than 0 is true.
-        targets: positions in the vector of the instance's observed values.
-        group: the call, if it is one of FMI 3.0.
-    """
-
-    call: str
-    function: int
-    component: int
-    references: NDArray[np.uint32]
-    values: NDArray[Any]
-    boolean: bool
-    targets: NDArray[np.intp]
-    group: "GroupCall | None" = None
-
-
 class GroupCall(NamedTuple):
-    """A FMI 3.0 function for values of one type, by address, and its arguments.
+    """An FMI function for values of one type, by address, and its arguments.
 
     Without a function, 0, the values are only copied from their memory.
     """
@@ -129,8 +104,7 @@ class EntryPoints:
     `component` is the instance (`fmi2Component`); the functions are in its library. There is one value
     reference per element of `inputs` and `outputs`.
 
-    With `step_end` they are functions of FMI 3.0, and an array has one value reference;
-    `stepping.forwarding` makes functions with the arguments of FMI 2.0 of them.
+    With `step_end` they are functions of FMI 3.0, and an array has one value reference.
 
     Attributes:
         step_end: takes what a step of FMI 3.0 says.
@@ -326,7 +300,7 @@ class FmuInstance(ABC):
     def get_observed(self) -> None:  # noqa: B027 - only instances with a model description have any
         """Read the observed variables."""
 
-    def observed_groups(self) -> list[ObservedGroup]:
+    def observed_groups(self) -> Sequence[GroupCall]:
         """Return what the stepper needs to read the observed variables."""
         return []
 

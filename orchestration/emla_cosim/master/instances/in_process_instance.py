@@ -42,7 +42,6 @@ from .fmu_instance import (
     EntryPoints,
     GroupCall,
     InstanceError,
-    ObservedGroup,
     PythonExceptionError,
 )
 from .start_values import StartValues
@@ -65,11 +64,11 @@ def is_dead(file: FmuFile) -> bool:
 _LOADING = "loading its library"
 """The call that loads the library, as messages name it."""
 
-_OUR_TOOL = "fmublock"
-"""End of the name of the tool that builds our FMUs, whose `fmi2Reset` resets everything."""
+SETTING, GETTING, RECORDING = "setting inputs", "getting outputs", "getting recorded variables"
+"""Calls that consist of one for each type, as messages name them."""
 
-_TYPED_CALLS = {"setReal": "setting inputs", "getReal": "getting outputs"}
-"""Names of the calls of the stepper that consist of one for each type."""
+_TYPED_CALLS = {"setReal": SETTING, "getReal": GETTING}
+"""The same by the stepper's names."""
 
 LARGEST_STATE = 2**32
 """Largest accepted size of a serialized state, in bytes."""
@@ -140,6 +139,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 TypedValues("set", self.read, self._functions, self.arrays),
                 TypedValues("get", self.written, self._functions),
             )
+        self._prepare_events()
         self.bind(self.inputs.copy(), self.outputs)
         self.observe([], np.empty(0))
         self._start_values = StartValues(self._functions, self.arrays)
@@ -148,6 +148,14 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def configuration(self) -> Sequence[TypedValue]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Return the values of structural parameters that it gets right after instantiation."""
         return [(self.file.variables[name], value) for name, value in self.file.interface.structure.items()]
+
+    def _prepare_events(self) -> None:
+        """Make what the events of the FMU need, after its instantiation."""
+
+    @property
+    def _setters(self) -> Sequence[TypedValues]:
+        """Return what sets the inputs with one call per type; empty if a single call does."""
+        return () if self._typed is None else self._typed[:1]
 
     @property
     def _address(self) -> int:
@@ -235,7 +243,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
         FMUs of other tools get a new instance, because some (of 20-sim) keep their state in `fmi2Reset`.
         """
-        if str(self.file.description.generationTool).endswith(_OUR_TOOL):
+        if self.file.is_ours:
             super().reset()
         else:
             self._replace()
@@ -288,14 +296,16 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if not len(self.inputs):
             return
         if self._typed is not None:
-            try:
-                call, status = "setting inputs", self._typed[0].set(self._component, self.inputs)
-            except ValueRangeError as error:
-                raise self._make_range_error(error) from error
+            self._set_typed_inputs(self._typed[0])
         else:
-            call, status = "setReal", self._set_real(*self._set_arguments)
-        if status not in FINE:
-            raise self.error(call, status)
+            self._check("setReal", self._set_real(*self._set_arguments))
+
+    def _set_typed_inputs(self, setter: TypedValues) -> None:
+        try:
+            status = setter.set(self._component, self.inputs)
+        except ValueRangeError as error:
+            raise self._make_range_error(error) from error
+        self._check(SETTING, status)
 
     def _make_range_error(self, error: ValueRangeError) -> RunError:
         return RunError(f"{self.name} got a value that it cannot accept: its input {error}.")
@@ -313,11 +323,9 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if not len(self.outputs):
             return
         if self._typed is not None:
-            call, status = "getting outputs", self._typed[1].get(self._component, self.outputs)
+            self._check(GETTING, self._typed[1].get(self._component, self.outputs))
         else:
-            call, status = "getReal", self._get_real(*self._get_arguments)
-        if status not in FINE:
-            raise self.error(call, status)
+            self._check("getReal", self._get_real(*self._get_arguments))
 
     def observe(self, names: Sequence[str], values: Vector) -> None:
         """Choose the numeric variables that `get_observed` reads, and where to."""
@@ -327,26 +335,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def get_observed(self) -> None:
         """Read the observed variables."""
         typed, values = self._observed
-        status = typed.get(self._component, values)
-        if status not in FINE:
-            raise self.error("getting recorded variables", status)
+        self._check(RECORDING, typed.get(self._component, values))
 
-    def observed_groups(self) -> list[ObservedGroup]:
+    def observed_groups(self) -> Sequence[GroupCall]:
         """Return what the stepper needs to read the observed variables."""
-        is_version_3, address = self._library.is_version_3, self._library.addresses
-        return [
-            ObservedGroup(
-                call=group.call,
-                function=address.get(group.call, 0),
-                component=self._address,
-                references=group.references,
-                values=group.values,
-                boolean=group.boolean,
-                targets=group.elements,
-                group=GroupCall(address.get(group.call, 0), group) if is_version_3 else None,
-            )
-            for group in self._observed_types
-        ]
+        return self._list_calls(self._observed_types)
 
     @property
     def _observed_types(self) -> Sequence[TypeGroup]:
@@ -442,7 +435,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         address, names = self._library.addresses, CallNames()
         setters, getters = None, None
         if self._typed is not None:
-            setters, getters = ([GroupCall(address[g.call], g) for g in t.groups] for t in self._typed)
+            setters, getters = (self._list_calls(typed.groups) for typed in self._typed)
         is_3 = self._library.is_version_3
         if is_3:
             set_, get = ("setFloat64", "getFloat64") if self._typed is None else _TYPED_CALLS.values()
@@ -493,13 +486,14 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def error(self, call: str, status: int) -> RunError:
         """Return the error for a call that returned this status."""
-        if self._typed is not None and (name := _TYPED_CALLS.get(call)) is not None:
-            call = name
-            if status == OUT_OF_RANGE:
-                try:
-                    self._typed[0].check(self.inputs)
-                except ValueRangeError as error:
-                    return self._make_range_error(error)
+        if self._setters:
+            call = _TYPED_CALLS.get(call, call)
+        if call == SETTING and status == OUT_OF_RANGE:
+            try:
+                for setter in self._setters:
+                    setter.check(self.inputs)
+            except ValueRangeError as error:
+                return self._make_range_error(error)
         kind = self._choose_discard_error(call) if status == DISCARD else InstanceError
         self._stepping = self._stepping and status == DISCARD
         if status == FATAL:
@@ -509,9 +503,8 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if self._library.is_version_3:
             answer = answer.replace("fmi2", "fmi3")
             call = rename(call)
-            messages += (
-                [self._step_end.complaint] if call.startswith("doStep") and self._step_end.complaint else []
-            )
+            if call.startswith("doStep") and self._step_end.complaint:
+                messages.append(self._step_end.complaint)
         error = kind(self.name, plain_name(call), answer, messages)
         if kind is DiscardedStepError and (reached := self._last_successful_time()) > self._present.time:
             error.args = (f"{error} It did this step until t = {reached:.9g} s.",)
@@ -567,10 +560,16 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         """Return the number of values, a further argument of functions of FMI 3.0."""
         return (len(values),) if self._library.is_version_3 else ()
 
+    def _list_calls(self, groups: Iterable[TypeGroup]) -> list[GroupCall]:
+        # groups without a call only copy numbers
+        return [GroupCall(self._library.addresses.get(group.call, 0), group) for group in groups]
+
     def _call(self, name: str, *arguments: Any) -> None:
-        status = self._functions[name](self._component, *arguments)
+        self._check(name, self._functions[name](self._component, *arguments))
+
+    def _check(self, call: str, status: int) -> None:
         if status not in FINE:
-            raise self.error(name, status)
+            raise self.error(call, status)
 
 
 def _make_binary_arguments(value: bytes) -> tuple[Any, Any]:

@@ -14,7 +14,6 @@ from ...base.errors import RunError
 from ...fmu.continuous_model import ContinuousModel, DiscardedCall
 from ...fmu.cvode import IntegratorSettings
 from ...fmu.elements import is_plain, place_in_array
-from ...fmu.instance import FINE
 from .fmu_instance import EndRequestedError, InstanceError
 from .in_process_instance import InProcessInstance
 from .typed_values import TypedValues
@@ -110,10 +109,6 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
         references = [v.valueReference for v in variables if not place_in_array(v)]
         arguments = self._make_arguments(np.array(references, dtype=np.uint32), values)[1:]
         return lambda: self._call(name, *arguments)
-
-    def _check(self, call: str, status: int) -> None:
-        if status not in FINE:
-            raise self.error(call, status)
 
     def error(self, call: str, status: int) -> RunError:
         """Return the error for a call that returned this status."""

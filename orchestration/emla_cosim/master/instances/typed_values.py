@@ -85,6 +85,7 @@ class TypedValues:
             references = np.array(layout.references, dtype=np.uint32)
             slots = np.array(layout.places, dtype=np.intp)
             values = np.zeros(layout.size, dtype=value_type(first))
+            is_integer = type_ != "Boolean" and values.dtype.kind in "iu"
             counts = (layout.size,) if isinstance(first, ElementVariable) else ()
             if access == "set" and isinstance(first, ElementVariable) and first.size > 1:
                 reference, start_array = int(first.valueReference), start_memory(first)
@@ -99,7 +100,7 @@ class TypedValues:
                     boolean=type_ == "Boolean",
                     function=functions[f"{access}{type_}"],
                     arguments=(_get_pointer(references), len(references), _get_pointer(values), *counts),
-                    integers=_select_integers([variables[i] for i in members]),
+                    integers=[variables[i] for i in members] if is_integer else (),
                 )
             )
 
@@ -137,11 +138,6 @@ class TypedValues:
 def _severity(status: int) -> int:
     """Return the order of a status: one that is not in the standard, also -1, is worse than a warning."""
     return status if status >= 0 else 1 - status
-
-
-def _select_integers(variables: Sequence[ModelVariable]) -> list[ModelVariable]:
-    """Return variables of one type if they are integers, otherwise none."""
-    return [v for v in variables if v.type != "Boolean" and value_type(v).kind in "iu"]
 
 
 def start_memory(variable: ElementVariable) -> NDArray[Any]:

@@ -31,7 +31,7 @@ def check_room(network: Network, rows: Vector, needed: int) -> None:
 
 
 def make_python_exception_error(
-    network: Network, error: SystemError, begin: float, end: float, failed: int, status: int, thread: int = 0
+    network: Network, error: SystemError, begin: float, end: float, failed: int, status: int
 ) -> RunError:
     """Return the error for an exception of Python that an FMU left between two times.
 
@@ -44,11 +44,10 @@ def make_python_exception_error(
         end: Last time in s.
         failed: Position of the instance whose call failed last.
         status: What that call returned.
-        thread: The thread that made it.
     """
     text, instances = describe_left_exception(error), network.instances
     if status not in FINE:
-        instance, (_, call) = instances[failed], decode_call(crash_page.current_activity(thread))
+        instance, (_, call) = instances[failed], decode_call(crash_page.current_activity())
         message = str(instance.error(call, status))
         return RunError(f"{message} A Python exception was left: {text}. {REMEDY}", component=instance.name)
     suspects = [x for x in instances if isinstance(x, DescribedInstance) and uses_python(x.file.library)]

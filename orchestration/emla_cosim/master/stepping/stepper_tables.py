@@ -23,8 +23,6 @@ from ...stepper.layout import (
     SIGNAL,
     SIGNALS,
     TERM,
-    TRUTH_OF_FMI_2,
-    TYPES,
     Call,
     Stepper,
 )
@@ -34,7 +32,7 @@ from ..algorithms.extrapolation import Mode
 from ..algorithms.group import HALVINGS, SWEEPS, CoupledGroup
 from ..algorithms.tasks import overlap_steps
 from ..instances.call_codes import CALLS, code_of
-from ..instances.fmu_instance import EntryPoints, GroupCall, ObservedGroup
+from ..instances.fmu_instance import EntryPoints, GroupCall
 from ..instances.python_calls import PythonCalls
 from ..instances.typed_values import fill_typed_call
 from .saved_states import SavedStates
@@ -99,7 +97,10 @@ class StepperTables:
         self._positions |= {name: FIRST_STORE + n for n, name in enumerate(algorithm.stores)}
         self.instances, self.inputs = self._make_instances(), self._make_inputs()
         stepper.instances, stepper.inputs = self._keep(self.instances), self._keep(self.inputs)
-        stepper.signals = self._keep(self._make_signals())
+        signals = np.zeros(len(network.signals), SIGNAL)
+        signals["floor"], signals["instance"] = algorithm.scale.floor, algorithm.exchange.owners
+        signals["is_smooth"] = algorithm.exchange.smooth
+        stepper.signals = self._keep(signals)
         self.groups = self.list_groups(algorithm.groups)
         stepper.groups, stepper.group_count = self._keep(self.groups), len(algorithm.groups)
         self._fill_program()
@@ -166,12 +167,6 @@ class StepperTables:
         movable = np.concatenate([np.empty(0, dtype=bool), *(s.continuous_inputs for s in network.instances)])
         records["moves"] = exchange.smooth[signals] & movable
         records["known"] = np.concatenate([np.empty(0, dtype=np.intp), *exchange.readings])
-        return records
-
-    def _make_signals(self) -> Any:
-        exchange, records = self._algorithm.exchange, np.zeros(len(self._algorithm.network.signals), SIGNAL)
-        records["floor"], records["instance"] = self._algorithm.scale.floor, exchange.owners
-        records["is_smooth"] = exchange.smooth
         return records
 
     def _make_instances(self) -> Any:
@@ -276,32 +271,14 @@ class StepperTables:
         positions = {name: i for i, stepped in enumerate(network.instances) for name in stepped.components}
         for instance, part in network.observer.readers:
             i = positions[instance.name]
-            if (calls := self._points[i].calls) is not None:
-                record = np.zeros((), CALL)
-                record["function"], record["instance"] = calls.getter(instance.get_observed), i
-                getters.append(record)
+            points = self._points[i]
+            if points.calls is None:
+                getters += list(self._make_typed_calls(i, points, instance.observed_groups(), part.start))
                 continue
-            for group in instance.observed_groups():
-                record = np.zeros((), CALL)
-                self._fill_observed(record, group, part.start)
-                record["component"], record["instance"] = group.component, i
-                record["code"] = code_of(i, group.call)
-                getters.append(record)
+            record = np.zeros((), CALL)
+            record["function"], record["instance"] = points.calls.getter(instance.get_observed), i
+            getters.append(record)
         return np.array(getters, dtype=CALL)
-
-    def _fill_observed(self, record: Any, group: ObservedGroup, first: int) -> None:
-        self._owners.append(group)
-        if group.group is not None:
-            fill_typed_call(record, group.group.group, group.function, self._keep, first)
-            record["is_version_3"] = True
-            return
-        count, kind = len(group.targets), group.values.dtype.name
-        record["function"] = group.function
-        record["references"], record["reference_count"] = group.references.ctypes.data, len(group.references)
-        record["values"], record["value_count"] = self._keep(group.values), count
-        record["items"] = self._keep((group.targets + first).astype(np.int32))
-        record["places"], record["item_count"] = self._keep(np.arange(count, dtype=np.int32)), count
-        record["type"] = TRUTH_OF_FMI_2 if group.boolean else TYPES.index(kind)
 
     def list_groups(self, groups: Sequence[CoupledGroup]) -> NDArray[Any]:
         """Return the GROUP records of groups."""

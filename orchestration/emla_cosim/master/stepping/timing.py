@@ -69,18 +69,6 @@ class CommunicationPoints:
         """Return communication point k in s."""
         return self.clock.point(k)
 
-    def span(self, k: int, count: int) -> float:
-        """Return the length in s of `count` steps from communication point k.
-
-        The point plus this length is the point at their end, to the last bit. So an FMU that adds up its
-        steps has the same time as the master. This can be impossible if a run passes time 0.
-        """
-        return self.point(k + count) - self.point(k)
-
-    def stretch(self, k: int, count: int) -> tuple[float, float]:
-        """Return start and length in s of the `count` steps up to communication point k."""
-        return self.point(k - count), self.span(k - count, count)
-
 
 def make_communication_points(
     stop_time: float, step_size: float, start_time: float = 0.0
