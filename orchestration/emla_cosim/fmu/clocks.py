@@ -43,6 +43,7 @@ class InputClock:
 
 def explain_unsupported_clock(description: ModelDescription) -> str | None:
     """Return why this master cannot tick the clocks of an FMU, as the end of a message; None if it can."""
+    # output clocks tick in the FMU, whatever their kind
     inputs = [v for v in description.modelVariables if v.type == CLOCK and v.causality == "input"]
     for clock in inputs:
         if clock.intervalVariability is None:

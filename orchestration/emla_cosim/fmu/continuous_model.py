@@ -56,7 +56,7 @@ class ContinuousModel(ABC):
     @cached_property
     @abstractmethod
     def reports_steps(self) -> bool:
-        """Whether the FMU wants to be told that a step of the integrator is complete."""
+        """Whether the FMU needs a call when a step of the integrator is complete."""
 
     @abstractmethod
     def _call(self, name: str, *arguments: Any) -> None:

@@ -17,6 +17,7 @@ METHODS = {"bdf": 2, "adams": 1}
 RECOVERABLE, FAILED = 1, -1
 """What a function returns if a shorter step may succeed, and if nothing can."""
 
+# CV_ONE_STEP, CV_ROOT_RETURN, CV_MEM_FAIL and the other return values of CVode
 _ONE_STEP, _ROOT = 2, 2
 _MEMORY_ERROR = -20
 _REASONS = {
@@ -125,9 +126,11 @@ class CVode:
         self._set("CVodeInit", self._derive, 0.0, self._vectors[0])
         self._set("CVodeSVtolerances", 1e-5, self._vectors[1])
         self._set("CVodeSetLinearSolver", self._linear, self._matrix)
+        # no warnings of steps that are lost in the rounding of the time
         self._set("CVodeSetMaxHnilWarns", -1)
         if indicators:
             self._set("CVodeRootInit", indicators, self._indicate)
+            # an indicator may stay at 0
             self._set("CVodeSetNoInactiveRootWarn")
 
     def restart(self, time: float, relative: float, largest: float = 0.0) -> None:

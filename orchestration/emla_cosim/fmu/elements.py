@@ -151,6 +151,7 @@ def _split(variable: ModelVariable, is_resized: bool) -> Iterator[ElementVariabl
             )
     numbers = () if general == "String" else tuple(_parse_start(s, general) for s in starts)
     fields = {a.alias: getattr(variable, a.name) for a in attrs.fields(ModelVariable)}
+    # `fmi3SetInt64` sets Enumerations, whose values have 64 bits
     data_type = "Int64" if general == "Enumeration" else str(variable.type)
     for position, index in enumerate(list_indices(shape)):
         name = f"{variable.name}{index}"
@@ -177,7 +178,7 @@ def _split_unknown(unknown: Unknown, elements: dict[int, list[ElementVariable]])
     """Yield one unknown per element; each depends on all elements of the knowns."""
     knowns = unknown.dependencies
     if knowns is not None:
-        knowns = [e for known in knowns for e in elements.get(id(known), ())]
+        knowns = [e for dependency in knowns for e in elements.get(id(dependency), ())]
     for element in elements.get(id(unknown.variable), ()):
         yield attrs.evolve(unknown, variable=element, dependencies=knowns, dependenciesKind=None)
 

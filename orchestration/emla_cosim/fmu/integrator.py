@@ -39,8 +39,8 @@ Model = TypeVar("Model", bound=ContinuousModel)
 class Integrator(ABC, Generic[Model]):
     """Integrates models with one solver, to a time and with all events on the way.
 
-    The solver goes on from step to step. It starts anew where a model had an event, and where it is told that
-    something was discontinuous.
+    The solver continues from step to step. It starts anew where a model had an event, and after other
+    discontinuities.
 
     Attributes:
         members: The models.
@@ -86,6 +86,7 @@ class Integrator(ABC, Generic[Model]):
         while not _reaches(self._time, end):
             is_event, steps = False, 0
             while not is_event and not _reaches(self._time, end):
+                # the step ends at a time event
                 target = self._next_event if _reaches(end, self._next_event) else end
                 is_event = self._integrate(max(target, self._time))
                 is_event = is_event or self._time >= self._next_event
@@ -95,6 +96,7 @@ class Integrator(ABC, Generic[Model]):
             if is_event:
                 self._enter_event_mode()
                 self._finish_event()
+                # an FMU that asks for one event after the other would stop the time
                 events = events + 1 if _reaches(last_event, self._time) else 0
                 last_event = self._time
                 if events > MOST_ITERATIONS:
@@ -111,7 +113,7 @@ class Integrator(ABC, Generic[Model]):
             states = solver.states
         else:
             self._time, states = target, self.read_states()
-        self._place(self._time, states.ctypes.data)
+        self._set_states(self._time, states.ctypes.data)
         for member in self.members:
             is_event = member.complete_step() or is_event
         return is_event
@@ -167,7 +169,7 @@ class Integrator(ABC, Generic[Model]):
             self._is_discontinuous = self._is_interrupted = False
         return solver
 
-    def _place(self, time: float, states: int) -> None:
+    def _set_states(self, time: float, states: int) -> None:
         """Set the time in s, the states from an address, and the inputs that follow."""
         for member, offset in zip(self.members, self._states, strict=True):
             member.place(time, states + offset)
@@ -179,7 +181,7 @@ class Integrator(ABC, Generic[Model]):
             ctypes.memset(result, 0, _BYTES)
             return 0
         try:
-            self._place(time, states)
+            self._set_states(time, states)
             for member, offset in zip(self.members, self._states, strict=True):
                 member.derive(result + offset)
         except DiscardedCall as error:
@@ -190,7 +192,7 @@ class Integrator(ABC, Generic[Model]):
     def _indicate(self, time: float, states: int, result: int) -> int:
         """Compute the event indicators for CVode."""
         try:
-            self._place(time, states)
+            self._set_states(time, states)
             for member, offset in zip(self.members, self._marks, strict=True):
                 member.indicate(result + offset)
         except DiscardedCall as error:

@@ -61,8 +61,8 @@ class Dependencies:
             name, knowns = str(unknown.variable.name), unknown.dependencies
             if knowns is None:
                 self._on_everything.add(name)
-            for known in knowns or ():
-                self._dependents.setdefault(str(known.name), set()).add(name)
+            for dependency in knowns or ():
+                self._dependents.setdefault(str(dependency.name), set()).add(name)
 
     def among(self, outputs: Set[str], known: str) -> Set[str]:
         """Return the outputs that depend on a known.
@@ -190,6 +190,7 @@ class Interface:
         if not unit:
             return None
         definition = self.units.find(unit)
+        # a difference of 1 degC is one of 1 K: the offset does not count
         relative = variable.relativeQuantity or (declared is not None and declared.relativeQuantity)
         return (
             replace(definition, offset=0.0, is_difference=True) if relative in (True, "true") else definition

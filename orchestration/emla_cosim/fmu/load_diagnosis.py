@@ -53,6 +53,7 @@ def diagnose_library(library: Path, error: BaseException) -> LoadFailure:
     """
     text = _message(library, error)
     binary = _parse(library)
+    # the most specific cause comes first: a library for another system lacks symbols, too
     rules = (
         _diagnose_target(binary),
         _diagnose_versions(binary, text),

@@ -25,7 +25,7 @@ class FmuLog:
     """The last warnings and errors of each instance, by its name.
 
     One log serves all instances of a process, because fmpy's proxy that formats the messages knows one logger
-    only. The log that listens receives the messages: the newest, or the last one that was told to `listen`.
+    only. The log that listens receives the messages: the newest, or the last one whose `listen` was called.
     """
 
     least = fmi2.fmi2Warning

@@ -227,6 +227,7 @@ def _build(
     in_cache = folder is None and path.is_absolute()
     if prebuilt is not None and in_cache:
         return prebuilt
+    # without a lock up to here: most calls find the FMU
     with _lock_build(path):
         built = read_built(path)  # another process may have built it meanwhile
         if not _is_current(built, recipe, key, platforms):

@@ -52,6 +52,7 @@ def unpack(path: Path, folder: Path) -> None:
 
 def _check_name(entry: zipfile.ZipInfo) -> None:
     name = entry.filename
+    # a colon separates the drive in Windows
     outside = name.startswith("/") or ":" in name or ".." in PurePosixPath(name).parts
     if outside or "\\" in entry.orig_filename:
         raise UnsafeArchiveError(f"has the entry '{entry.orig_filename}', which is not a path inside it")
@@ -62,6 +63,7 @@ def _check_name(entry: zipfile.ZipInfo) -> None:
 def _copy(source: IO[bytes], target: IO[bytes], entry: zipfile.ZipInfo) -> None:
     """Copy an entry; raise UnsafeArchiveError if its size differs from that in the directory."""
     remaining = entry.file_size
+    # the directory of a malicious archive may understate sizes, which were checked before
     while block := source.read(_BLOCK):
         remaining -= len(block)
         if remaining < 0:

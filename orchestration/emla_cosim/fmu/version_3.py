@@ -140,6 +140,7 @@ class Model3(Slave3, FMU3Model):  # pyright: ignore[reportIncompatibleMethodOver
         """Instantiate the FMU for Model Exchange, which takes fewer arguments."""
 
         def instantiate(*arguments: Any) -> Any:
+            # without event mode, early return, intermediate variables and their callback
             return self.fmi3InstantiateModelExchange(*arguments[:5], *arguments[9:11])
 
         calls: Any = self

@@ -90,6 +90,7 @@ class Assembly:
     def _instantiate(self) -> None:
         """Instantiate all components and connect them."""
         components = self._resolved.components
+        # signals are doubles, so these pass outside of them
         opaque = [x for x in self._resolved.connections if self._find_ends(x)[0].type in ("String", BINARY)]
         numeric_system = replace(
             self._resolved,
@@ -110,12 +111,14 @@ class Assembly:
             self._instance_stack.callback(instance.close)
             self.instances[name] = instance
         for instance in self.instances.values():
+            # those in other processes have started at the same time; now their errors are raised
             instance.ready()
         links = _make_links(numeric_system, self.files, inputs, outputs)
         arranged = arrange(list(self.instances), self._groups)
         ordered = [self.system.component(name) for members in arranged for name in members]
         names, self._signal_transformations = _name_signals(ordered, outputs)
         self.shown: Mapping[int, LinearTransformation] = self._signal_transformations
+        # components of faults pass on one value, so they must not change the order of the others
         faults = [
             i for i, f in enumerate(self.files[n] for n in self.instances) if f.description.modelName == MODEL
         ]
@@ -177,6 +180,7 @@ class Assembly:
         elif self._is_started:
             for stepped in self.network.instances:
                 stepped.reset()
+            # a signal that no start value defines must not keep its value from the last run
             self.network.signals[:] = 0.0
         self.network.reorder(self._order)
         self._is_started = True
@@ -243,6 +247,7 @@ class Assembly:
         transformations = dict(self._signal_transformations)
         for i, variable in enumerate(observer.variables, len(self.network.names)):
             if (to_fmu := variable.component.alias(variable.name).transformation) != IDENTITY:
+                # an alias converts to the FMU, a row has the value of the system
                 transformations[i] = to_fmu.inverse()
         self.network.observer, self.shown = observer, transformations
 

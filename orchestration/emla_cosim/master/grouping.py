@@ -79,6 +79,7 @@ def connect(
     for x in links:
         (u, i), (v, k) = positions[x.source], positions[x.target]
         source, target = (all_instances[end] for end in (x.source, x.target))
+        # a discrete input samples at communication points, so this link stays outside of the group
         sampled = source.continuous_outputs[x.output] and not target.continuous_inputs[x.input]
         if u == v and u in joined and not sampled:
             inside[u].append(replace(x, source=i, target=k))

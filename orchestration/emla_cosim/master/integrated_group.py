@@ -84,6 +84,7 @@ class _Transfer:
 
     def write(self, signals: Vector) -> None:
         """Pass signals to inputs of the FMU."""
+        # NumPy buffers `out` in its default mode; the positions are valid
         signals.take(self._signals, out=self._values, mode="clip")
         self._values *= self._factors
         self._values += self._offsets
@@ -277,6 +278,7 @@ class IntegratedGroup(IntegratedInstance):
             raise self._integration_error(
                 f"the discrete values between its components do not settle in {MOST_ITERATIONS} iterations"
             )
+        # rounding errors in the solution of a loop must not repeat the event
         margin = np.where(self._is_continuous_input, _TOLERANCE * (np.abs(network.inputs) + _TOLERANCE), 0.0)
         changed = np.abs(network.inputs - inputs_before) > margin
         return [

@@ -142,6 +142,7 @@ class Network:
     def pass_inputs(self, i: int) -> None:
         """Set the inputs of instance i to the present signals that it reads."""
         instance = self.instances[i]
+        # NumPy buffers `out` in its default mode; the positions are valid
         self.signals.take(self.sources[i], out=instance.inputs, mode="clip")
         if self.transforms[i]:
             self.transform(i)
@@ -257,6 +258,7 @@ class Network:
             links share a group; all others are groups of their own.
         """
         links, rank = [x for x in self.links if counts(x)], self._rank
+        # no link runs against the order, so there is no loop of several instances
         if all(rank[x.source] <= rank[x.target] for x in links):
             return [[i] for i in self.order]
         import networkx  # slow to import, and rarely needed
@@ -294,6 +296,7 @@ class Network:
 
     def find_nonfinite_signal(self, time: float) -> RunError | None:
         """Return an error that names the first signal that is read and not finite; None if all are finite."""
+        # outputs that nothing reads may be NaN
         nonfinite = self.read[~np.isfinite(self.signals[self.read])]
         if not len(nonfinite):
             return None
@@ -382,5 +385,6 @@ def find_stepping_order(count: int, links: Sequence[Link]) -> list[int]:
             direct_waits[i] -= is_direct
             all_waits[i] -= 1
             if i in waiting:
+                # the counts only fall, so the newest entry of an instance is its first
                 heappush(queue, (direct_waits[i], all_waits[i], i))
     return order

@@ -64,6 +64,7 @@ class Pacing:
             self.overruns += 1
             self.worst = max(self.worst, delay)
         while (rest := due - time.perf_counter()) > 0.0 and not interrupted():
+            # short naps, so that an interruption is noticed
             time.sleep(min(rest, _LONGEST_SLEEP))
 
 
@@ -104,6 +105,7 @@ def simulate(
         count = most if pacing is None else min(most, pacing.steps(stepping.times.step))
         stepping.advance(rows, count, until)
         elapsed = time.perf_counter() - start_time
+        # long stretches cost little, but checkpoints, progress and Ctrl-C wait for their ends
         if elapsed < 0.5 * STRETCH:
             most = min(2 * most, longest)
         elif elapsed > 2.0 * STRETCH:

@@ -57,6 +57,7 @@ class ClockKind(IntEnum):
     COUNTDOWN = 3
 
 
+# 2 is the present time, which only C reads
 NEXT_EVENT, END_REQUEST, FIRST_PASSED = 0, 1, 3
 """Positions in the memory: two times in s, and the first discrete input that the FMU has."""
 

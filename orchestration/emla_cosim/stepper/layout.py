@@ -102,6 +102,7 @@ GROUP = _record(
     *of_kind(_INT32, "member_count coupling_count operation_count is_saved is_halved"),
 )
 
+# `unused` keeps the counters of two threads apart in their caches
 EFFORT = np.dtype([("now", _ADDRESS), *((n, _CODE, 5) for n in ("counts", "nanoseconds", "unused"))])
 
 DIVISION = _record(("steps", _CODE), ("shortest", _REAL))

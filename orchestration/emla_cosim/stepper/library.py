@@ -234,6 +234,7 @@ def reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
     low, high, squares = np.full(width, np.inf), np.full(width, -np.inf), np.zeros(width)
     results = (low.ctypes.data, high.ctypes.data, squares.ctypes.data)
     require_stepper().reduce_rows(rows.ctypes.data, count, width, *results)
+    # comparisons with NaN are false, so only the sum shows it
     missing = np.isnan(squares)
     low[missing] = high[missing] = np.nan
     return low, high, squares

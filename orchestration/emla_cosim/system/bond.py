@@ -42,6 +42,7 @@ class Bond:
         Raises:
             CommandError: the text cannot be read.
         """
+        # one more part, so that a text without `*` has an empty flow
         effort, flow, *more = [part.strip() for part in text.split("*")] + [""]
         if not effort or not flow or any(more):
             raise CommandError(

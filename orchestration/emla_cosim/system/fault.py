@@ -53,6 +53,7 @@ class Fault:
         number = self.value
         if isinstance(number, str):
             number, unit = split_quantity(number, f"the value of {subject}")
+            # a gain has no unit; that of another value is checked when its signal is known
             if self.kind == "gain" or not unit:
                 number = read_quantity(str(self.value), f"the value of {subject}", "1")
                 object.__setattr__(self, "value", number)

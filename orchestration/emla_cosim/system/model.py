@@ -75,6 +75,7 @@ class Component:
     @property
     def by_fmu_name(self) -> dict[str, tuple[str, Alias]]:
         """Name and alias of each variable with another name or unit in the FMU, by its name there."""
+        # with the factor 0, a value of the FMU has no value in the system
         return {a.variable: (n, a) for n, a in self.aliases.items() if a.transformation.factor != 0.0}
 
 
@@ -309,6 +310,7 @@ class System:
 
     @cached_property
     def _by_name(self) -> dict[str, Component]:
+        # of two with one name the first, until `resolve_system` refuses them
         return {c.name: c for c in reversed(self.components)}
 
     @cached_property

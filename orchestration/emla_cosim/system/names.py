@@ -179,7 +179,7 @@ class Names:
         return explain_fixed(variable.interface, variable.fmu_name)
 
     def is_free(self, variable: NamedVariable) -> bool:
-        """Return whether patterns set a variable: it accepts a start value, and is no array's size."""
+        """Return whether patterns set a variable: it accepts a start value, and is not a size."""
         return not variable.is_structural and self.explain_fixed(variable) is None
 
     def resolve(
@@ -202,6 +202,7 @@ class Names:
         Raises:
             CommandError: There is no such variable, or it accepts no start value.
         """
+        # the brackets of `x[1]` are also those of a pattern
         is_name = not is_pattern(text) or text in self.all
         matching = [] if is_name else self.match(text)
         if matching or (has_wildcard(text) and not is_name):

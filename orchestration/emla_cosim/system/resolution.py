@@ -93,6 +93,7 @@ def _check_and_transform(
         )
         if (source.kind, target.kind) != ("Integer", "Enumeration"):
             raise CommandError(f"{message}.")
+        # FMI 2.0 sets Enumerations with fmi2SetInteger, too
         fault = "an Integer sets an Enumeration by its number, and nothing checks that it has this value"
         accept_if_lenient(str(connection), fault, message)
     _check_mime_types(connection, interfaces)
@@ -128,6 +129,7 @@ def _check_quantities(
     source, target = (interfaces[component].unit(name) for component, name in connection.ends)
     if source is None or target is None or source.is_difference == target.is_difference:
         return
+    # only temperatures have units with an offset
     if source.powers != {"K": 1} or target.powers != {"K": 1} or transformation.offset:
         return
     kinds = ("a difference of temperatures", "a temperature")

@@ -61,6 +61,7 @@ def wire_faults(system: System, faults: FaultComponents, interfaces: Mapping[str
         if isinstance(fault.value, str):
             unit = signal.unit
             if unit is not None and fault.kind == "offset":
+                # 5 degC more are 5 K
                 unit = replace(unit, is_difference=True)
             value = read_quantity(fault.value, f"the value of the fault of {signal.full_name}", unit)
             values = _list_start_values(replace(fault, value=value))

@@ -61,6 +61,7 @@ def set_structure(
         if before != after:
             _refuse_connected_elements(system, name, interface, {*before, *after})
         if after:
+            # the elements of arrays are variables, so other sizes make another description
             sized[name] = read_interface(fmus[name], after)
     return changed, sized
 

@@ -85,6 +85,7 @@ def find_sizes(indices: Sequence[str]) -> tuple[int, ...]:
     """
     if not indices or not all(_INDEX.fullmatch(index) for index in indices):
         return ()
+    # -1, so that indices of different lengths do not make a full array
     axes = [sorted(set(axis)) for axis in itertools.zip_longest(*map(_parse_index, indices), fillvalue=-1)]
     is_full = list(itertools.product(*axes)) == [_parse_index(index) for index in indices]
     return tuple(map(len, axes)) if is_full else ()

@@ -69,6 +69,7 @@ def parse(content: bytes, where: str, kind: str) -> XmlElement:
             entities.
     """
     etree = _etree()
+    # entities and external documents could read files or fill the memory
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
     try:
         root = etree.fromstring(content, parser)

@@ -217,6 +217,7 @@ class Algorithm(ABC):
             raise CommandError("a group needs members without step multiples.")
         coupling_variables = self.network.find_coupling_variables(members)
         if len(coupling_variables):
+            # the step of a loop is repeated until the values agree, from the same states
             require(instances, "rolls_back", "canGetAndSetFMUstate", "the strong coupling of a loop")
         return CoupledGroup(
             exchange=self.exchange,
@@ -251,6 +252,8 @@ class Algorithm(ABC):
             store[:] = self.network.signals
         for group in self.groups:
             if count := len(group.coupling_variables):
+                # directional derivatives of all members spare the first sweeps, which learn J from
+                # differences
                 group.jacobian[:] = estimate_jacobian(count, loop_derivatives(self.exchange, group))
 
     @abstractmethod

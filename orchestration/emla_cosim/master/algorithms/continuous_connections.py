@@ -120,6 +120,7 @@ def _is_continuous(network: Network, first: Link, last: Link, sampling: Collecti
 
 def _number_loops(paths: Collection[tuple[int, int]]) -> dict[int, int]:
     """Return the number of the loop by instance: strongly connected components (Kosaraju)."""
+    # by hand, because networkx takes long to import, and every run with a loop needs this
     readers: dict[int, list[int]] = {}
     sources: dict[int, list[int]] = {}
     for source, target in paths:
@@ -140,6 +141,7 @@ def _list_in_post_order(start: int, neighbours: Mapping[int, Sequence[int]], vis
     if start in visited:
         return []
     visited.add(start)
+    # with a path of its own: recursion ends at about a thousand instances in a row
     finished, path = [], [(start, iter(neighbours.get(start, ())))]
     while path:
         instance, rest = path[-1]

@@ -221,6 +221,7 @@ class Exchange:
         follows = self.network.factors[i].copy()
         if self.modes[i] == Mode.MIDDLE:
             moves = self.smooth[self.network.sources[i]] & self.network.instances[i].continuous_inputs
+            # the value in the middle of the step takes half of the change at its end
             follows[moves] *= 0.5
         return follows
 

@@ -114,6 +114,7 @@ class Newton:
     def _is_solved(self, x: Vector, gap: Vector, correction: float, last: float) -> bool:
         if correction <= TOLERANCE and self._weigh(x, gap) <= TOLERANCE:
             return True
+        # rounding errors: nothing better follows
         return correction <= ROUGH and correction >= 0.5 * last
 
     def _shorten(
@@ -162,6 +163,7 @@ class Newton:
         rows = (np.abs(slopes) + noise) @ sizes + np.finfo(float).tiny  # size of each equation
         scaled, rounding = slopes * sizes / rows[:, None], noise * sizes / rows[:, None]
         left_vectors, sigma, right_vectors = np.linalg.svd(scaled)
+        # along other directions the differences are only rounding errors
         visible = sigma > max(float(np.linalg.norm(rounding)), _ROUNDING * float(sigma[0]))
         matrix = (sizes[:, None] * right_vectors[visible].T / sigma[visible]) @ (
             left_vectors[:, visible].T / rows

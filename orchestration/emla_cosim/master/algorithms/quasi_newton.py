@@ -8,8 +8,8 @@ from the differences V of residuals r = F(x) - x and W of answers F(x) so far,
 
 and keeps J from one step to the next, so that a loop that changes little needs two sweeps. Newer
 differences come first. A difference that adds little to them is left out (QR2 filter), because an old
-one is no secant at the present point of a nonlinear loop. The pseudoinverse is computed from the orthogonal
-basis that the filter makes of V, one secant after the other.
+one is not a secant at the present point of a nonlinear loop. The pseudoinverse is computed from the
+orthogonal basis that the filter makes of V, one secant after the other.
 
 Bogaers, Kok, Reddy, Franz: Quasi-Newton methods for implicit black-box FSI coupling, Comput.
 Methods Appl. Mech. Engrg. 279 (2014), doi:10.1016/j.cma.2014.06.033. Haelterman, Bogaers, Scheufele,

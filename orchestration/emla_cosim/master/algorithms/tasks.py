@@ -96,6 +96,7 @@ def overlap_steps(
         for before in task.after:
             followers[before].append(task_number)
     ready, running = [task_number for task_number, n in enumerate(waits) if not n], deque[int]()
+    # the smallest number first, so that the order stays near that of the program
     heapify(ready)
     ordered = list[tuple[Operation, bool]]()
     while ready or running:

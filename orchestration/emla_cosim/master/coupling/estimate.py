@@ -81,7 +81,7 @@ DIVERGED = 1e100
 """Range of a signal of a run that diverged, as metrics report it."""
 
 HUGE = 1e6
-"""Error relative to the range that stands for all larger ones."""
+"""Error relative to the range that represents all larger ones."""
 
 
 @dataclass(frozen=True)
@@ -302,6 +302,7 @@ class CouplingEstimate:
         """Return the error after a window of steps, whose repetition may take `allowed` seconds."""
         assert self._rows is not None
         available, deadline = len(self._rows.get(begin, 1, last - begin)), self._clock() + allowed
+        # the rest of the time is for coarser steps, which look further ahead
         share = 0.4 if self._is_coarse else 1.0
         count = min(_round_down(max(share * allowed / self._pace, SHORTEST_WINDOW)), available)
         start_time, stride = self._clock(), 1
@@ -312,6 +313,7 @@ class CouplingEstimate:
             multiple = stride * GROWTH
             affordable = (deadline - self._clock()) / (GROWTH * per_step)
             expected = self._rows.get(begin, multiple, _round_down(max(min(affordable, last - begin), 1.0)))
+            # they would not even reach twice as far
             if multiple * len(expected) < 2 * stride * len(errors):
                 break
             start_time = self._clock()

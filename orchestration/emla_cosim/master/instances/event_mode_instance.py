@@ -34,6 +34,7 @@ class SavedState(ctypes.c_void_p):
 
 def handles_events(file: FmuFile) -> bool:
     """Return whether an FMU runs as an `EventModeInstance`."""
+    # Model Exchange has its own events, and FMI 2.0 has none in co-simulation
     if file.kind != CO_SIMULATION or not is_version_3(file.description):
         return False
     return file.has_capability("hasEventMode") or _can_return_early(file)

@@ -81,6 +81,7 @@ class EventTables:
         self._owners, self._records = list[Any](), list[Any]()
         self._ticking = [v for v in variables.values() if v.type == CLOCK]
         self._clocked = [v for v in variables.values() if _has_value_between_ticks(v)]
+        # output clocks come first: after an update, C asks each of them whether it ticks
         outputs = [int(v.valueReference) for v in self._ticking if v.causality != "input"]
         self._references = list(dict.fromkeys([*outputs, *(int(v.valueReference) for v in self._ticking)]))
         self._positions = {reference: i for i, reference in enumerate(self._references)}

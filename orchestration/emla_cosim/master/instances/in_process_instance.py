@@ -421,6 +421,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def close(self) -> None:
         """Terminate the FMU if the standard allows it, and free the instance and its library."""
+        # the standard forbids all calls after fmi2Fatal
         if is_dead(self.file):
             return
         with contextlib.suppress(Exception):
@@ -574,6 +575,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
 def _make_binary_arguments(value: bytes) -> tuple[Any, Any]:
     """Return size and address of a Binary value, as arguments of fmi3SetBinary."""
+    # an empty value also needs an address
     buffer = (ctypes.c_uint8 * max(len(value), 1)).from_buffer_copy(value or b"\0")
     return (ctypes.c_size_t * 1)(len(value)), (fmi3Binary * 1)(ctypes.cast(buffer, fmi3Binary))
 

@@ -28,9 +28,9 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
     """FMUs that run as Model Exchange, with one integrator; see `FmuInstance`.
 
     This class steps one FMU; `IntegratedGroup` steps several. Between two calls the FMUs are in
-    continuous-time mode. The integrator goes on from step to step, and starts anew where an FMU had an event
-    or got other inputs, and where its state was saved or restored. So a repeated step has the same result as
-    the first one.
+    continuous-time mode. The integrator continues from step to step, and starts anew where an FMU had an
+    event or got other inputs, and where its state was saved or restored. So a repeated step has the same
+    result as the first one.
     """
 
     restarts_when_saved = True
@@ -163,6 +163,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
 
     def deserialize(self, content: bytes) -> None:
         """Restore a state from the bytes of `serialize`."""
+        # the integrator has restarted in each step of the run that wrote this; see `prepare_checkpoints`
         end = self._pack_numbers().nbytes
         self._unpack_numbers(np.frombuffer(content[:end]))
         self._restarts_always = True
@@ -179,7 +180,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         """Set the states, and return their derivatives at the present time, per s."""
         derivatives = np.empty(self._count)
         self._is_discontinuous = self._is_interrupted = True
-        self._place(self._time, states.ctypes.data)
+        self._set_states(self._time, states.ctypes.data)
         for member, offset in zip(self.members, self._states, strict=True):
             member.derive(derivatives.ctypes.data + offset)
         return derivatives

@@ -131,6 +131,7 @@ class IsolatedInstance(DescribedInstance):
 
     def get_outputs(self) -> None:
         """Read the FMU's outputs into `outputs`."""
+        # a step has returned them already
         content = self._outputs_of_step or self._ask("outputs")
         self.outputs[:] = np.frombuffer(content)
 

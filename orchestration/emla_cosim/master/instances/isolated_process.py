@@ -145,6 +145,7 @@ def serve(channel: Channel, page: Path) -> None:
                 worker = IsolatedProcess(make_instance(name, file, inputs, outputs, FmuLog()))
         except CosimError as error:
             answer = error
+        # the parent waits for an answer, whatever happens
         except Exception as error:
             answer = RunError(f"the process of an isolated FMU failed: {error!r}.")
         channel.send(answer)

@@ -86,6 +86,7 @@ class MeasuredCalls:
         unmeasured |= {"get_outputs"} if not len(instance.outputs) else set()
         if instance.steps_apart:  # its `do_step` consists of these two
             self._measure("begin_step", STEPS)
+            # a step is one call
             self._measure("end_step", STEPS, counts=False)
             unmeasured |= {"do_step"}
         elif not instance.observed_groups():

@@ -38,7 +38,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
 
     @cached_property
     def reports_steps(self) -> bool:
-        """Whether the FMU wants to be told that a step of the integrator is complete."""
+        """Whether the FMU needs a call when a step of the integrator is complete."""
         return self.file.has_capability("needsCompletedIntegratorStep")
 
     def use_integrator(self, settings: IntegratorSettings) -> None:

@@ -53,7 +53,7 @@ class Snapshot:
 
 
 FORMAT = 8
-_STATE, _MEMORY = "state/", "memory/"
+_STATE, _STEP_VALUES = "state/", "memory/"
 
 
 @dataclass(frozen=True)
@@ -96,6 +96,7 @@ def prepare_checkpoint(path: Path, network: Network, folder: Path, overwrite: bo
     """
     file = check_checkpoint(path, overwrite, folder)
     try:
+        # now: a long run should not fail at its first checkpoint
         with TemporaryFile(dir=file.place.parent):
             pass
     except OSError as error:
@@ -122,7 +123,7 @@ def save_checkpoint(file: OutputFile, stepping: Stepping, notes: Mapping[str, An
     content: dict[str, Any] = {
         _STATE + s.name: np.frombuffer(s.serialize(), dtype=np.uint8) for s in network.instances
     }
-    content |= {_MEMORY + name: value for name, value in stepping.memory().items()}
+    content |= {_STEP_VALUES + name: value for name, value in stepping.memory().items()}
     header = json.dumps({"format": FORMAT, "notes": notes, "arrays": list(content)})
     content["header"] = np.frombuffer(header.encode(), dtype=np.uint8)
     with file.open() as stream:
@@ -144,7 +145,7 @@ def load_checkpoint(path: Path, folder: Path = HERE) -> Checkpoint:
     if names != sorted(arrays):
         raise CommandError(f"'{path}' is not a checkpoint, or is damaged: parts of it are missing.")
     states = {n.removeprefix(_STATE): arrays[n].tobytes() for n in arrays if n.startswith(_STATE)}
-    memory = {n.removeprefix(_MEMORY): arrays[n] for n in arrays if n.startswith(_MEMORY)}
+    memory = {n.removeprefix(_STEP_VALUES): arrays[n] for n in arrays if n.startswith(_STEP_VALUES)}
     return Checkpoint(states, memory, notes)
 
 
@@ -162,6 +163,6 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Vector]]:
     with zipfile.ZipFile(path) as archive:
         if (damaged := archive.testzip()) is not None:
             raise ValueError(f"{damaged} has changed")
-    with np.load(path, allow_pickle=False) as content:  # pickles of somebody else could run any code
+    with np.load(path, allow_pickle=False) as content:  # pickles from others could run any code
         header = json.loads(content["header"].tobytes())
         return header, {n: content[n] for n in content if n != "header"}

@@ -65,6 +65,7 @@ class ControlTables:
         control.memory, control.memory_count = algorithm.restored.ctypes.data, size
         for name, values in {**self._copies, **self._errors, **self._buffers, **self._flags}.items():
             setattr(control, name, values.ctypes.data)
+        # by Richardson: the difference of one step and two halves, per error of the halves
         control.tolerance, control.divisor = tolerance, 2.0**algorithm.accuracy - 1.0
         control.start, control.time = times.start, times.start
         control.leap_limit, control.short_limit = 2.0 * JUST_BEFORE * step, SHORT * (times.stop - times.start)
@@ -78,6 +79,7 @@ class ControlTables:
 
         In the latter case, unread signals, such as noise, are only controlled in instances without others.
         """
+        # the error of a step of length h is in proportion to h^(order + 1), and that per unit step to h^order
         self.control.is_per_unit, self.control.exponent = per_unit, 1.0 / (order + (not per_unit))
         if not per_unit:
             self.control.controlled_count, self.control.short_limit = self._read_count, 0.0

@@ -68,6 +68,7 @@ class LaneThreads:
                 record["waits"], record["wait_count"] = self._keep(waits), len(waits)
                 record["operation"] = task_number
             plans[lane]["tasks"], plans[lane]["task_count"] = self._keep(records), len(records)
+            # each thread has its own record of the present call, so that a crash shows all of them
             self._owners.append(activity := crash_page.current_activity(lane))
             plans[lane]["activity"] = ctypes.addressof(activity)
         return plans

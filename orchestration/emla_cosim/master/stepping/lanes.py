@@ -120,6 +120,7 @@ class LaneChoice:
     def _find_schedule(self, costs: Sequence[float]) -> ThreadSchedule | None:
         """Return the schedule with the most lanes that still shorten a step; None if it saves too little."""
         total = sum(costs)
+        # this is what perfectly shared costs save
         if total * (1.0 - 1.0 / self._most) < WORTH:
             return None
         best, length = None, total

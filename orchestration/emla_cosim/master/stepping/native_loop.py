@@ -74,6 +74,7 @@ class NativeLoop:
         self._stepper, self._stop = self._tables.stepper, ctypes.c_int32()
         self._stepper.stop = ctypes.addressof(self._stop)
         self.divisions = np.zeros(len(points), DIVISION)
+        # C takes the minimum
         self.divisions["shortest"] = np.inf
         self._stepper.divisions = self.divisions.ctypes.data
         self._lanes: LaneThreads | None = None
@@ -213,6 +214,7 @@ class NativeLoop:
             failure = self._call(self._library.control, *addresses, most, row_count, address)
         except SystemError as error:
             raise self._python_error(error, start_time, control.end) from error
+        # each accepted step consists of two halves
         self._algorithm.steps += 2 * (control.accepted - accepted)
         return failure, None if failure == Failure.TOO_SHORT else self._make_error(failure, control.end)
 

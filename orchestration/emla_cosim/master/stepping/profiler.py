@@ -61,6 +61,7 @@ class Profiler:
             finally:
                 elapsed = time.perf_counter() - start_time
                 self._activities[name] += elapsed - self._inner
+                # the outer activity leaves out what this one took
                 self._inner = outer + elapsed
 
         return watched

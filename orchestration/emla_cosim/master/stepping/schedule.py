@@ -81,6 +81,7 @@ def _simulate_step(
                 heappush(queue, (-priorities[task_number], task_number))
             else:  # it takes no time
                 ready += finish(task_number)
+        # the first lane first: only it may take the tasks of `first_only`
         for lane in sorted(free):
             if queues := [q for q in (urgent_tasks if lane == 0 else urgent_tasks[:1]) if q]:
                 _, task_number = heappop(min(queues, key=lambda q: q[0]))

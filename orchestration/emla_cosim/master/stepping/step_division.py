@@ -58,6 +58,7 @@ class StepDivision:
             return
         self._divisions = self._loop.divisions.copy()
         saved = time.perf_counter()
+        # so that saving takes at most a hundredth of the run
         self._due = saved + max(INTERVAL, (saved - now) / SHARE)
 
     def forget(self) -> None:

@@ -196,6 +196,7 @@ class StepperTables:
             m == Mode.HOLD and not exchange.reads_known_signal(i) for i, m in enumerate(exchange.modes)
         ]
         records["has_slopes"] = [exchange.has_slopes(i) for i in indices]
+        # an FMU may drop what it needs to go back, unless a group restores its state
         records["has_no_way_back"] = [i not in saved for i in indices]
         self._fill_calls(records)
         if self.passing is None:

@@ -96,6 +96,7 @@ def make_communication_points(
             "Set a larger step size."
         )
     steps = round(span / step_size)
+    # 0.3 s is a whole number of steps of 0.1 s up to rounding errors only
     if (steps == 0 and span > 0.0) or abs(steps * step_size - span) > 1e-9 * span:
         whole_steps = max(int(span / step_size), 1)
         raise CommandError(
