@@ -1,4 +1,4 @@
-"""FMU files that cannot be opened: one sentence each, before any of their code is loaded."""
+"""FMU files that cannot be opened: one message each, before any of their code is loaded."""
 
 import errno
 import os
@@ -74,9 +74,9 @@ def test_library_truncated_anywhere_is_refused(faulty_fmu: Path, emla: Emla, tmp
 def test_invalid_headers_are_left_to_the_loader(faulty_fmu: Path, tmp_path: Path) -> None:
     library = bytearray(library_of(faulty_fmu))
     path = tmp_path / "library"
-    for place, form, value in ((32, "<Q", 2**63), (54, "<H", 0), (54, "<H", 57), (56, "<H", 2**16 - 1)):
+    for offset, form, value in ((32, "<Q", 2**63), (54, "<H", 0), (54, "<H", 57), (56, "<H", 2**16 - 1)):
         lying = library.copy()
-        struct.pack_into(form, lying, place, value)
+        struct.pack_into(form, lying, offset, value)
         path.write_bytes(lying)
         missing_bytes(path)  # whatever it is, it comes without an error
     path.write_bytes(b"MZ not of this machine")

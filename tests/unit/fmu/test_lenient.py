@@ -59,16 +59,19 @@ def test_harmless_faults_change_nothing_and_are_listed(reference: Path, tmp_path
 
 
 def test_units_without_a_definition_are_accepted_but_not_converted(tmp_path: Path) -> None:
-    here = fake_fmu(tmp_path / "a.fmu", "y:output:m", "u:input:m", units={"K": 'K="1"'})
-    edit_description(here, here, 'unit="m"', 'unit="m" displayUnit="mm"')
+    source = fake_fmu(tmp_path / "a.fmu", "y:output:m", "u:input:m", units={"K": 'K="1"'})
+    edit_description(source, source, 'unit="m"', 'unit="m" displayUnit="mm"')
     with accept_faults(lenient=False) as faults:
-        interface = read_interface(here)
+        interface = read_interface(source)
     assert (str(interface.unit("y")), interface.variables["y"].displayUnit) == ("m", None)
-    assert [p for p in faults.by_file[str(here)] if '"m" of variable "y"' in p]
-    there = fake_fmu(tmp_path / "b.fmu", "u:input:mm")
+    assert [p for p in faults.by_file[str(source)] if '"m" of variable "y"' in p]
+    target = fake_fmu(tmp_path / "b.fmu", "u:input:mm")
     parts = (component("a", "a.fmu", "y:output"), component("b", "b.fmu", "u:input"))
     path = folder(
-        tmp_path / "ssp", root=ssd(system("r", *parts, connection("a.y -> b.u"))), a__fmu=here, b__fmu=there
+        tmp_path / "ssp",
+        root=ssd(system("r", *parts, connection("a.y -> b.u"))),
+        a__fmu=source,
+        b__fmu=target,
     )
     with pytest.raises(CommandError, match="m is not defined in the UnitDefinitions of the FMU 'a'"):
         load(path)

@@ -36,9 +36,9 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Callable[[object, str], list[Any]]
         actual: list[Any] = []
         function = getattr(owner, name)
 
-        def call(*arguments: Any, **named: Any) -> Any:
+        def call(*arguments: Any, **options: Any) -> Any:
             actual.append(arguments[0])
-            return function(*arguments, **named)
+            return function(*arguments, **options)
 
         monkeypatch.setattr(owner, name, call)
         return actual
@@ -94,12 +94,12 @@ def test_an_instance_that_cannot_be_made_leaves_nothing_of_the_others(
     unloaded, instantiate = calls(FMU2Slave, "freeLibrary"), FMU2Slave.instantiate
     counts: list[Counts] = []
 
-    def refusing(slave: FMU2Slave, **given: Any) -> None:
+    def refusing(slave: FMU2Slave, **options: Any) -> None:
         if slave.instanceName == "j.f2":
             counts.append(Counts(Path(slave.unzipDirectory)))
             assert counts[0].instances == 2
             raise Exception("no more")  # as fmpy does
-        instantiate(slave, **given)
+        instantiate(slave, **options)
 
     monkeypatch.setattr(FMU2Slave, "instantiate", refusing)
     libraries = set(LoadedLibrary._libraries)
@@ -162,5 +162,5 @@ def test_work_is_proportional_to_the_fmus(work: Callable[[int, Path], None], tmp
         package(count, tmp_path)
     work(SIZES[0], tmp_path)  # builds the FMU, and imports what is imported late
     shutil.rmtree(tmp_path / f"results-{SIZES[0]}", ignore_errors=True)  # a used folder takes more work
-    few, some, many = (instructions(lambda n=n: work(n, tmp_path)) for n in SIZES)
-    assert many - some < 1.1 * 2 * (some - few)
+    few, more, most = (instructions(lambda n=n: work(n, tmp_path)) for n in SIZES)
+    assert most - more < 1.1 * 2 * (more - few)

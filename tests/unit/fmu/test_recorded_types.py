@@ -29,8 +29,8 @@ def prepare(fmu: Path, **options: Any) -> ec.Simulation:
     """Two instances of which only the first is recorded, so that rows have other signals too."""
     first = options.pop("first", 3)
     system = ec.System.of({"a": fmu, "b": fmu}, set={"a.first": first, "b.u": -1.0})
-    given = {"step_size": 0.01, "stop_time": 0.5, "output_interval": 0.02, "signals": EVERYTHING}
-    return ec.load(system, **{**given, **options}).prepare()
+    defaults = {"step_size": 0.01, "stop_time": 0.5, "output_interval": 0.02, "signals": EVERYTHING}
+    return ec.load(system, **{**defaults, **options}).prepare()
 
 
 def expected(time: np.ndarray, first: int = 3, u: float = 1.0, start: float = 0.0) -> dict[str, Any]:
@@ -185,9 +185,11 @@ def test_requirements_and_references_have_all_types(fmu: Path, tmp_path: Path) -
         first.save(tmp_path / "kept", plots=False)
         with pytest.raises(RunError, match=r"a\.twice\.final"):
             simulation.run(require=["a.twice.final < 16"])
-        other = simulation.run(set={"a.first": 4})
+        second_run = simulation.run(set={"a.first": 4})
     outside = {
-        comparison.signal for comparison in other.compare(tmp_path / "kept") if comparison.left_at is not None
+        comparison.signal
+        for comparison in second_run.compare(tmp_path / "kept")
+        if comparison.left_at is not None
     }
     assert outside == {"a.text", "a.odd", "a.count", "a.twice"}
 

@@ -149,8 +149,8 @@ def test_values_come_from_the_command_line_and_from_files(path: Path, emla: Emla
     table = tmp_path / "values.csv"
     table.write_text("\n".join((";".join(few), ";".join(str(x) for x in few.values()))))
     expected = run(System.of({"s": path}, [], FEW))
-    for name, chosen in {"set": settings, "table": ["--parameters", str(table)]}.items():
-        result = emla("run", str(path), *options, *chosen, "--output", str(tmp_path / name))
+    for name, arguments in {"set": settings, "table": ["--parameters", str(table)]}.items():
+        result = emla("run", str(path), *options, *arguments, "--output", str(tmp_path / name))
         assert result.exit_code == 0, result.output
         actual = np.genfromtxt(tmp_path / name / "results.csv", delimiter=",", names=True, deletechars="")
         assert actual["StateSpace.y[2]"][-1] == expected["s.y[2]"][-1]

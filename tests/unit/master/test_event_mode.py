@@ -132,13 +132,6 @@ def test_faults_end_the_run(build: Any, fault: int, flags: dict[str, bool], word
         run(System.of({"a": build(**flags)}, [], values))
 
 
-def test_undeclared_early_returns_are_accepted_with_a_remark(build: Any) -> None:
-    values = {**VALUES, "a.fault": UNEXPECTED_RETURN, "a.threshold": THRESHOLD, "a.end": 0.72}
-    ended = run(System.of({"a": build(early=False)}, [], values))
-    assert ended.problem is None
-    assert any("a returned early from doStep at t = " in remark for remark in ended.remarks)
-
-
 def test_events_are_handled_in_c(build: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """With an oracle in Python, the matrix of `tests/backends` would not notice steps in Python."""
 

@@ -229,7 +229,7 @@ def test_loop_without_a_solution_is_named(change: float) -> None:
         begun(Network([a, bystander, b], [link(2, 0), link(0, 2)]), GaussSeidel(), TIMES)
 
 
-# ---- values that are no numbers ----------------------------------------------------------------
+# ---- values that are not numbers ---------------------------------------------------------------
 
 
 def test_nan_of_a_loop_is_named() -> None:

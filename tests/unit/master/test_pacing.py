@@ -41,19 +41,17 @@ def begun(factor: float, simulated: float = 0.0) -> Pacing:
     return paced
 
 
-@pytest.mark.parametrize(("factor", "due"), [(1.0, 1002.0), (4.0, 1000.5), (0.5, 1004.0)])
-def test_wait_ends_at_the_due_time(factor: float, due: float, clock: Clock) -> None:
-    paced = begun(factor)
+@pytest.mark.parametrize(
+    ("factor", "start", "due"),
+    # the last one is a run that was continued at 1 s
+    [(1.0, 0.0, 1002.0), (4.0, 0.0, 1000.5), (0.5, 0.0, 1004.0), (1.0, 1.0, 1001.0)],
+)
+def test_wait_ends_at_the_due_time(factor: float, start: float, due: float, clock: Clock) -> None:
+    paced = begun(factor, start)
     clock.now += 0.125
     paced.wait(2.0, lambda: False)
     assert clock.now == pytest.approx(due)
     assert (paced.points, paced.overruns, paced.worst) == (1, 0, 0.0)
-
-
-def test_resumed_run_is_paced_from_its_start(clock: Clock) -> None:
-    """A run that was continued at 5 s waits 1 s for its sixth."""
-    begun(1.0, 5.0).wait(6.0, lambda: False)
-    assert clock.now == pytest.approx(1001.0)
 
 
 def test_delays_are_counted_and_made_up(clock: Clock) -> None:

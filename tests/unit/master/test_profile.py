@@ -32,7 +32,8 @@ def test_time_is_that_of_the_fmu_that_takes_it(options: dict[str, Any], reluctan
     steps = slow["calls"]["steps"]
     assert steps["count"] == fast["calls"]["steps"]["count"] >= 10
     assert slow["calls"]["inputs"]["count"] >= 10 and slow["calls"]["outputs"]["count"] >= 10
-    assert (slow["calls"]["states"]["count"] > 1) == (options.get("algorithm") == "strong")
+    # other algorithms save a state now and then, in case that an FMU discards a step
+    assert (slow["calls"]["states"]["count"] >= 10) == (options.get("algorithm") == "strong")
     assert 0.99 * NAP * steps["count"] < steps["seconds"] <= result.profile["total_s"]
     assert fast["seconds"] < slow["seconds"]
 
@@ -47,8 +48,8 @@ WAYS = {
 
 
 @pytest.fixture(scope="module")
-def lift() -> Any:
-    with ec.load("lift").prepare() as simulation:
+def lift(fmu_folder: Path) -> Any:
+    with ec.load("lift").prepare(fmus=fmu_folder) as simulation:
         yield simulation
 
 
@@ -89,9 +90,9 @@ def test_profiled_run_has_the_same_bits_and_complete_shares(way: str, lift: ec.S
 
 
 @pytest.mark.slow
-def test_fmu_in_its_own_process_is_measured_there() -> None:
+def test_fmu_in_its_own_process_is_measured_there(fmu_folder: Path) -> None:
     options = {**SAME, "stop_time": 0.01}
-    with ec.load("lift").prepare(isolate=["lift.plant"]) as simulation:
+    with ec.load("lift").prepare(isolate=["lift.plant"], fmus=fmu_folder) as simulation:
         plain, result = simulation.run(**options), simulation.run(profile=True, **options)
         second_run = simulation.run(profile=True, **options)
     assert result.table.rows.tobytes() == plain.table.rows.tobytes()  # type: ignore[union-attr]

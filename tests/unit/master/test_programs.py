@@ -48,11 +48,11 @@ class Written(ec.Explicit):
         return self.network.links
 
 
-def calls(instances: Sequence[int], store: str = "signals", every: int = 0) -> list[Any]:
+def calls(instances: Sequence[int], store: str = "signals", steps: int = 0) -> list[Any]:
     """The calls of a Jacobi step, with inputs from a vector."""
     return [
-        *(ec.Operation(ec.Call.SET, i, every, store) for i in instances),
-        *(ec.Operation(call, i, every) for call in (ec.Call.STEP, ec.Call.GET) for i in instances),
+        *(ec.Operation(ec.Call.SET, i, steps, store) for i in instances),
+        *(ec.Operation(call, i, steps) for call in (ec.Call.STEP, ec.Call.GET) for i in instances),
     ]
 
 
@@ -114,7 +114,7 @@ def test_a_group_in_a_program_agrees_as_strong_does(ring: ec.Simulation, way: di
 
 @WAYS
 def test_instances_of_a_program_can_be_sampled(ring: ec.Simulation, way: dict[str, Any]) -> None:
-    sampled = Written(write=lambda network: [*calls([0]), *calls([1], every=4)])
+    sampled = Written(write=lambda network: [*calls([0]), *calls([1], steps=4)])
     usual = Written(write=lambda network: [*calls([0]), *calls([1])], step_multiples={"b": 4})
     result, expected = (ring.run(algorithm=x, **way) for x in (sampled, usual))
     assert result["b.y"].tobytes() == expected["b.y"].tobytes()
@@ -151,9 +151,9 @@ def test_terms_are_added_in_order_and_into_the_signals(ring: ec.Simulation, way:
         ([ec.Combine(0, "mine", {"signals": float("nan")})], "the factor of 'signals' is nan"),
         ([ec.Combine(0, "mine", {"signals": "1"})], "the factor of 'signals' is '1'"),  # type: ignore[dict-item]
         ([ec.Combine(0, "mine", {})], "a Combine without terms has no sum"),
-        ([*calls([0], every=2), ec.Operation(ec.Call.SET, 0, 3)], "of a are done every 2, 3 steps; all need"),
-        ([*calls([0], every=-1)], "of a are done every -1 steps"),
-        ([*calls([0], every=2), ec.Solve([0, 1])], "a group needs members without step multiples"),
+        ([*calls([0], steps=2), ec.Operation(ec.Call.SET, 0, 3)], "of a are done every 2, 3 steps; all need"),
+        ([*calls([0], steps=-1)], "of a are done every -1 steps"),
+        ([*calls([0], steps=2), ec.Solve([0, 1])], "a group needs members without step multiples"),
         ([ec.Solve([])], "a group needs members"),
         ([ec.Solve([0, 0])], "has an instance twice"),
         ([ec.Solve([0, 2])], "is not for instances from 0 to 1"),

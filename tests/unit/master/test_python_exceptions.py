@@ -1,7 +1,6 @@
 """FMUs that leave an exception of Python set in the interpreter of this process."""
 
 import sys
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +8,12 @@ import fmpy
 import pytest
 
 from emla_cosim.base.errors import RunError
-from emla_cosim.fmu.python_exceptions import REMEDY, uses_python
+from emla_cosim.fmu.python_exceptions import REMEDY
 from emla_cosim.run.result import Result
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, System
 from fmu_verify.verdict import LEAVES_EXCEPTION, Verdict
 from tests.support.broken.examining import examine
-from tests.support.commands import Emla, sentence
 from tests.support.faulty_systems import faulty, wired
 from tests.support.hand_written_fmus import FMI_3, build_faulty_fmu
 from tests.support.python_errors import LEFT, build_python_errors_fmu
@@ -146,21 +144,6 @@ def test_another_run_after_the_error(fmu: Path) -> None:
                 simulation.run()
         result = simulation.run(set={"Errors.function": ""})
     assert result["Errors.y"] == pytest.approx(result.time)
-
-
-def test_libraries_that_use_python(fmu: Path, tmp_path: Path) -> None:
-    assert not uses_python(tmp_path / "missing.so")
-    assert not uses_python(Path(__file__).parents[2] / "support" / "toyfmu" / "toyfmu.h")
-    with zipfile.ZipFile(fmu) as archive:
-        (library,) = (name for name in archive.namelist() if name.startswith("binaries/"))
-        assert uses_python(Path(archive.extract(library, tmp_path)))
-
-
-def test_command_ends_with_one_message_and_the_rows_so_far(emla: Emla, fmu: Path) -> None:
-    values = ("--set", "Errors.function=DoStep", "--set", "Errors.at=0.5")
-    result = emla("run", str(fmu), *values, "--no-plots", "--output", "results")
-    assert f"{LEFT}. To find the call, run with `--isolate`." in sentence(result, 1)
-    assert len(Path("results/results.csv").read_text().splitlines()) > 2
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,7 @@ def test_numbers_without_a_short_decimal_form_represent_themselves(start: float,
 
 
 class Watch(FakeSlave):
-    """Notes the steps that it is told, and adds them up by itself."""
+    """Notes the steps that the master sets, and adds them up by itself."""
 
     interpolates = True
 

@@ -15,6 +15,12 @@ from fmublock.platforms import host_platform
 Load = Callable[[], StepperLibrary]
 
 
+@pytest.fixture(scope="module")
+def built() -> bytes:
+    """Return the library, which takes seconds to build."""
+    return library.prebuild_stepper(host_platform()).read_bytes()
+
+
 @pytest.fixture
 def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Load:
     """Load the stepper with an empty cache and nothing prebuilt, as a new process would."""
@@ -34,10 +40,10 @@ def works(stepper: StepperLibrary) -> bool:
 
 
 def test_library_is_built_once_and_again_if_corrupt(
-    load: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    built: bytes, load: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    builds, build = list[int](), library._build
-    monkeypatch.setattr(library, "_build", lambda *arguments: (builds.append(1), build(*arguments))[1])
+    builds = list[int]()
+    monkeypatch.setattr(library, "_build", lambda *_: (builds.append(1), built)[1])
     assert works(load()) and works(load())
     assert len(builds) == 1
     (path,) = (tmp_path / "cache" / "code").iterdir()
@@ -68,7 +74,10 @@ def test_library_of_a_wheel_is_used(load: Load, tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a link to a file of the system")
-def test_a_cache_that_cannot_be_used_is_reported(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cache_that_cannot_be_used_is_reported(
+    built: bytes, load: Load, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(library, "_build", lambda *_: built)
     monkeypatch.setenv("EMLA_COSIM_CACHE", "/dev/null/cache")
     stepper = load()
     assert works(stepper)

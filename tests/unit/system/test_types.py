@@ -35,10 +35,10 @@ class Lever(Block):
     """Knows fewer gears."""
 
     gear = Input(Half.FIRST)
-    seen = Output(0.0)
+    engaged = Output(0.0)
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        return {"seen": v.gear}
+        return {"engaged": v.gear}
 
 
 class Counter(Block):
@@ -147,7 +147,7 @@ def test_lenient_sets_an_enumeration_by_an_integer(fmu: Path, lever: Path) -> No
         result = simulation.run()
     assert "a.count -> lever.gear" in str(result.record["accepted_faults"])
     assert "nothing checks that it has this value" in str(result.record["accepted_faults"])
-    assert result["a.count"].tolist() == result["lever.seen"].tolist() == [0, 1, 2]
+    assert result["a.count"].tolist() == result["lever.engaged"].tolist() == [0, 1, 2]
 
 
 def test_enumeration_without_the_value_of_the_source(fmu: Path, lever: Path) -> None:
