@@ -54,10 +54,7 @@ _UNSIGNED = _between(0, 2**32 - 1)
 _SIZE = _Number("a whole number, at least 0", 0)
 _BY_TYPE = {
     **dict.fromkeys(("Real", *FLOATS), _DOUBLE),
-    **{
-        kind: _between(*(int(x) for x in (np.iinfo(kind.lower()).min, np.iinfo(kind.lower()).max)))
-        for kind in INTEGERS
-    },
+    **{kind: _between(np.iinfo(kind.lower()).min, np.iinfo(kind.lower()).max) for kind in INTEGERS},
     "Integer": _between(-(2**31), 2**31 - 1),
     "Enumeration": _WHOLE_NUMBER,
 }

@@ -110,10 +110,8 @@ class CVode:
         call = self._call = load_sundials()
         self._failure: BaseException | None = None
         # CVode has their addresses
-        self._derive, self._indicate = (
-            _RIGHT_SIDE(self._guard(derive, True)),
-            _RIGHT_SIDE(self._guard(indicate, False)),
-        )
+        self._derive = _RIGHT_SIDE(self._guard(derive, True))
+        self._indicate = _RIGHT_SIDE(self._guard(indicate, False))
         self._context, self._reached = _POINTER(), _REAL()
         call["SUNContext_Create"](0, ctypes.byref(self._context))
         call["SUNContext_ClearErrHandlers"](self._context)  # exceptions have the reason

@@ -70,6 +70,7 @@ class LoadedLibrary:
         if self.is_version_3:
             types = {**version_3.PROTOTYPES, **version_3.OF_KIND[file.kind]}
         types |= _OF_BOTH_VERSIONS[file.kind]
+        # some libraries lack functions that the model description promises
         if file.has_capability("providesDirectionalDerivative") and hasattr(
             self._fmpy_object.dll, self._c_name(DERIVATIVE)
         ):

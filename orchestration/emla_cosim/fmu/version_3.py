@@ -61,6 +61,7 @@ class Slave3(FMU3Slave):
         self, callbacks: Any = None, loggingOn: bool = False
     ) -> None:
         """Instantiate the FMU as its instance wants; its messages go to the log."""
+        # the logger of FMI 3.0 does not get the name of the instance
         name = self.instanceName.encode()
 
         def hear(environment: Any, status: int, category: bytes, message: bytes) -> None:

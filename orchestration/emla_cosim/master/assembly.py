@@ -353,6 +353,7 @@ def _has_known_outputs(instance: DescribedInstance) -> bool:
 def _open_files(system: System, fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
     """Open each FMU once for each kind in use."""
     keys = {name: (path, system.component(name).kind) for name, path in fmus.items()}
+    # co-simulation and Model Exchange can have different libraries
     opened = {
         (path, kind): open_fmu(path, folder / str(i), KINDS.get(kind))
         for i, (path, kind) in enumerate(dict.fromkeys(keys.values()))

@@ -167,6 +167,7 @@ class Halves(ctypes.Structure):
     )
 
 
+# compared when the library is loaded, because other sizes would corrupt memory
 SIZES = (
     *(t.itemsize for t in (CALL, INSTANCE, INPUT, SIGNAL, OPERATION, COMBINATION, TERM, GROUP)),
     ctypes.sizeof(Stepper),

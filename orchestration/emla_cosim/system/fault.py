@@ -10,6 +10,7 @@ from ..base.quantities import read_quantity, split_quantity
 KINDS = ("freeze", "offset", "gain", "constant")
 """The kinds of faults."""
 
+# a unit has no `+` and no `@`, which separate the parts of a fault
 _QUANTITY = r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?\s*(?:[^\W\d][^@+]*|°[^@+]*|%)?"
 _TEXT = re.compile(
     rf"(?P<signal>[^=]+)=(?P<kind>\w+)(?::(?P<value>{_QUANTITY}))?@(?P<start>{_QUANTITY})"

@@ -271,6 +271,7 @@ class System:
 
     def with_component(self, changed: Component) -> "System":
         """Return the system with another component of the same name."""
+        # raises an error for a component that does not exist
         self.component(changed.name)
         return replace(
             self, components=tuple(changed if c.name == changed.name else c for c in self.components)

@@ -138,6 +138,7 @@ class Names:
         interface, fmu_name = self.interfaces[component.name], component.alias(name).variable
         replacement = self._replacements.get(component.name)
         is_settable = fmu_name in interface.variables and interface.is_settable(fmu_name)
+        # an FMU that replaces a component may have further variables
         if replacement is not None and not is_settable and name in replacement.variables:
             return NamedVariable(component, name, replacement)
         if fmu_name not in interface.variables:

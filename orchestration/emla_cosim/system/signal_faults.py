@@ -120,6 +120,7 @@ def _insert_fault(
 
     At an output it is before the conversion of units, at an input behind it.
     """
+    # the position in `Connection.ends`
     side = 0 if "source" in ends else 1
     connections = (
         _convert_connection(x, interfaces, **ends) if x.ends[side] == added.ends[side] else x

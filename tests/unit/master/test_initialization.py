@@ -172,12 +172,6 @@ def test_small_linear_systems_of_mixed_scales_are_solved(size: int, seed: int) -
     assert solution / scale == pytest.approx(np.linalg.solve(np.eye(size) - A, b) / scale, rel=1e-8)
 
 
-def test_gain_of_one_keeps_the_start_value() -> None:
-    network = ring(lambda u: u)
-    network.instances[0].inputs[:] = 7.0
-    assert initial(network).tolist() == [7.0, 7.0]
-
-
 def test_a_neutral_direction_does_not_hide_the_solution_of_the_others() -> None:
     """a = a keeps its start value; b = 1 + a - 0.5 b is solved beside it."""
     a = gate("a", 1, lambda u: u[0])

@@ -65,6 +65,15 @@ class _TaskList:
         self.tasks.append(StepTask(tuple(instances), tuple(sorted(dependencies - {number})), steps))
 
 
+def count_waits(tasks: Sequence[StepTask]) -> tuple[list[int], list[list[int]]]:
+    """Return how many tasks each one waits for, and which tasks wait for it."""
+    followers = [list[int]() for _ in tasks]
+    for task_number, task in enumerate(tasks):
+        for before in task.after:
+            followers[before].append(task_number)
+    return [len(task.after) for task in tasks], followers
+
+
 def find_split_steps(exchange: Exchange, operations: Sequence[Operation]) -> set[int]:
     """Return the instances whose steps can overlap: those in other processes, if there are several."""
     stepped = {o.instance for o in operations if o.call == Call.STEP}
@@ -90,11 +99,7 @@ def overlap_steps(
     """
     if not split:
         return [(operation, False) for operation in operations]
-    tasks = plan_tasks(exchange, operations)
-    waits, followers = [len(task.after) for task in tasks], [list[int]() for _ in tasks]
-    for task_number, task in enumerate(tasks):
-        for before in task.after:
-            followers[before].append(task_number)
+    waits, followers = count_waits(plan_tasks(exchange, operations))
     ready, running = [task_number for task_number, n in enumerate(waits) if not n], deque[int]()
     # the smallest number first, so that the order stays near that of the program
     heapify(ready)

@@ -168,6 +168,7 @@ class CouplingEstimate:
         # other processes on this machine should not change what is repeated
         self._clock = time.perf_counter if any(s.steps_apart for s in instances) else time.thread_time
         self._can_restore = all(
+            # an integrator that restarts where a state is saved changes the last digits of the run
             s.rolls_back and not s.restarts_when_saved and (s.varies_step or i in sampling)
             for i, s in enumerate(instances)
         )

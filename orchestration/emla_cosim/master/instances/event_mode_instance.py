@@ -125,6 +125,7 @@ class EventModeInstance(InProcessInstance):
             setters = [(v, self._make_setter_by_hand(v, x)) for v, x in self._values_by_hand.values()]
             self.tables.set_by_hand(setters)
         else:
+            # FMI 3.0 lets discrete inputs change in event mode only
             self._do("enterEventMode", require_stepper().enter_events)
             super().set_value(variable, value)
             self._do("updateDiscreteStates", require_stepper().leave_events)

@@ -252,6 +252,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def _replace(self) -> None:
         """Free the FMU's instance and make a new one."""
+        # an FMU that refuses to terminate is freed all the same
         with contextlib.suppress(FMICallException):
             if self._stepping:
                 self.fmu.terminate()

@@ -180,6 +180,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         """Set the states, and return their derivatives at the present time, per s."""
         derivatives = np.empty(self._count)
         self._is_discontinuous = self._is_interrupted = True
+        # these are not the states of the solver, so that it must start anew
         self._set_states(self._time, states.ctypes.data)
         for member, offset in zip(self.members, self._states, strict=True):
             member.derive(derivatives.ctypes.data + offset)

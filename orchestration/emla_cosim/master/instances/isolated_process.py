@@ -8,7 +8,6 @@ import numpy as np
 from ...base import crash_page
 from ...base.channel import Channel
 from ...base.errors import CosimError, RunError
-from ...fmu.cvode import IntegratorSettings
 from ...fmu.log import FmuLog
 from .in_process_instance import InProcessInstance
 from .instance_kinds import make_instance, make_stepped
@@ -41,17 +40,14 @@ class IsolatedProcess:
             self._stepped.set_inputs()
         if request.slopes is not None:
             self._stepped.set_input_derivatives(np.frombuffer(request.slopes))
-        method = getattr(self, request.call, None) or getattr(self._stepped, request.call)
-        return method(*request.arguments)
+        owners = (self, self._stepped, self._instance)
+        owner = next(owner for owner in owners if hasattr(owner, request.call))
+        return getattr(owner, request.call)(*request.arguments)
 
     def set_start_values(self, values: list[tuple[str, Any]]) -> None:
         """Set start values by name."""
         variables = self._instance.file.variables
         self._instance.set_start_values((variables[name], value) for name, value in values)
-
-    def use_integrator(self, settings: IntegratorSettings) -> None:
-        """Integrate with these settings from the next initialization on."""
-        self._instance.use_integrator(settings)
 
     def close(self) -> None:
         """Free the FMU and its integrator."""

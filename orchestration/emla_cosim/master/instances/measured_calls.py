@@ -82,6 +82,7 @@ class MeasuredCalls:
     def __init__(self, instance: FmuInstance) -> None:
         self._instance, self._calls = instance, dict[str, Calls]()
         self._methods = list[str]()
+        # without values, these call no function
         unmeasured = {"set_inputs"} if not len(instance.inputs) else set[str]()
         unmeasured |= {"get_outputs"} if not len(instance.outputs) else set()
         if instance.steps_apart:  # its `do_step` consists of these two

@@ -38,9 +38,9 @@ class Profiler:
         self._inner_efforts = dict[str, Effort | None]()
         self._replaced = list[tuple[Any, str]]()
         self._measured = [MeasuredCalls(instance) for instance in self._instances]
-        for instance in self._instances:
-            if isinstance(instance, IsolatedInstance):
-                instance.measure()
+        self._isolated = [x for x in self._instances if isinstance(x, IsolatedInstance)]
+        for instance in self._isolated:
+            instance.measure()
 
     def _replace(self, owner: Any, method: str, function: Callable[..., Any]) -> None:
         vars(owner)[method] = function
@@ -74,9 +74,8 @@ class Profiler:
         self._activities = dict.fromkeys(self._activities, 0.0)
         for measured in self._measured:
             measured.restart()
-        for instance in self._instances:
-            if isinstance(instance, IsolatedInstance):
-                instance.measure()
+        for instance in self._isolated:
+            instance.measure()
 
     def close(self) -> None:
         """Stop all measurements. What was measured remains."""
@@ -85,8 +84,8 @@ class Profiler:
         self._replaced.clear()
         for measured in self._measured:
             measured.close()
-        for instance in self._instances:
-            if isinstance(instance, IsolatedInstance) and instance.name not in self._inner_efforts:
+        for instance in self._isolated:
+            if instance.name not in self._inner_efforts:
                 self._inner_efforts[instance.name] = instance.effort()
                 instance.measure(False)
 
@@ -99,9 +98,10 @@ class Profiler:
         total = wall_s + (0.0 if self._loop is None else self._loop.extra_thread_seconds)
         in_c = [{}] * len(self._instances) if self._loop is None else self._loop.profile()
         spent = list(map(_add_up, self._measured, in_c))
-        in_process = [i for i, x in enumerate(self._instances) if not isinstance(x, IsolatedInstance)]
-        waited = sum(effort.seconds for i, effort in enumerate(spent) if i not in in_process)
-        measured = sum(spent[i].seconds for i in in_process) + waited + sum(self._activities.values())
+        efforts = list(zip(self._instances, spent, strict=True))
+        waited = sum(effort.seconds for x, effort in efforts if x in self._isolated)
+        in_process = sum(effort.seconds for x, effort in efforts if x not in self._isolated)
+        measured = in_process + waited + sum(self._activities.values())
         # an estimate from other calls: on a busy machine it can exceed what is left of the run
         own_cost = min(sum(effort.own_cost_s for effort in spent), max(total - measured, 0.0))
 
@@ -109,7 +109,7 @@ class Profiler:
             return {"seconds": seconds, "share": seconds / total if total > 0.0 else 0.0}
 
         rows = dict[str, Any]()
-        for instance, effort in zip(self._instances, spent, strict=True):
+        for instance, effort in efforts:
             if isinstance(instance, IsolatedInstance):
                 inner = self._inner_efforts[instance.name] if self._inner_efforts else instance.effort()
                 process_entries = {"separate_process": True, "waited_s": effort.seconds}
@@ -125,7 +125,7 @@ class Profiler:
             "total_s": total,
             "fmus": rows,
             "master": part(max(total - measured - own_cost, 0.0)),
-            **({} if len(in_process) == len(spent) else {"separate_processes": part(waited)}),
+            **({"separate_processes": part(waited)} if self._isolated else {}),
             "recorders": {name: part(seconds) for name, seconds in self._activities.items()},
             "profiler": {**part(own_cost), **costs},
         }

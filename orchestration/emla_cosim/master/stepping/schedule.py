@@ -9,7 +9,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 
-from ..algorithms.tasks import StepTask
+from ..algorithms.tasks import StepTask, count_waits
 
 _TRIALS, _MAX_TRIED_TASKS = 40, 4000
 """Number of orders to try, and the limit of their tasks in all: with many tasks, orders differ little."""
@@ -57,10 +57,7 @@ def _simulate_step(
     first_only: Collection[int],
 ) -> ThreadSchedule:
     """Simulate one step: a free lane takes the most urgent of the possible tasks."""
-    waits, followers = [len(task.after) for task in tasks], [list[int]() for _ in tasks]
-    for task_number, task in enumerate(tasks):
-        for before in task.after:
-            followers[before].append(task_number)
+    waits, followers = count_waits(tasks)
 
     def finish(task_number: int) -> list[int]:
         """Return the tasks that waited only for this one."""
