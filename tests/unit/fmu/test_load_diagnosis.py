@@ -78,7 +78,7 @@ def test_shipped_library_that_is_not_found(tmp_path: Path) -> None:
     assert "although it is in the same folder. Report it to the exporter: " in diagnose(library)
 
 
-def test_new_glibc_is_told_with_that_of_this_machine(tmp_path: Path) -> None:
+def test_needed_and_local_glibc_are_reported(tmp_path: Path) -> None:
     (tmp_path / "versions").write_text("GLIBC_2.98 { };\nGLIBC_2.99 { strange; };\n")
     library = needing(tmp_path, "libc.so.6", "strange", "-Wl,--version-script=versions")
     local_glibc = ".".join(map(str, fmpy_glibc()))
@@ -110,7 +110,7 @@ def test_library_for_another_machine(target: str, expected: str, tmp_path: Path)
     assert diagnose(library).startswith(expected)
 
 
-def test_file_that_is_no_library(tmp_path: Path) -> None:
+def test_file_that_is_not_a_library(tmp_path: Path) -> None:
     (library := tmp_path / "Toy.so").write_text("not found\n" * 99)
     assert diagnose(library).startswith("is not a shared library. ")
 

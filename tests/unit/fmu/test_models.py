@@ -176,7 +176,9 @@ def test_fmus_of_the_current_folder_come_first_and_are_rebuilt(cache: Path, tmp_
 
 
 @pytest.mark.slow
-def test_a_wheel_brings_fmus(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_prebuilt_fmus_of_a_wheel_are_used(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """They are used where they are, copied elsewhere, and built only for further platforms."""
     built = build(define_block(tmp_path), "native", [])
     cache.rename(tmp_path / "wheel")
@@ -198,7 +200,7 @@ def test_a_wheel_brings_fmus(cache: Path, tmp_path: Path, monkeypatch: pytest.Mo
     assert build(define_block(tmp_path), "native", []).is_relative_to(cache)
 
 
-def test_what_must_be_built_says_what_is_missing(
+def test_missing_extra_for_building_is_reported(
     cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "ziglang", None)

@@ -103,7 +103,7 @@ def test_checkpoints_have_the_vectors_of_a_program(ring: ec.Simulation, tmp_path
 
 
 @WAYS
-def test_a_group_in_a_program_agrees_as_strong_does(ring: ec.Simulation, way: dict[str, Any]) -> None:
+def test_group_of_a_program_agrees_with_strong(ring: ec.Simulation, way: dict[str, Any]) -> None:
     solved = ring.run(algorithm=Written(write=lambda network: [ec.Solve([0, 1])]), **way)
     strong = ring.run(algorithm="strong")
     for name in ("a.y", "b.y"):
@@ -169,7 +169,7 @@ def test_invalid_programs_are_refused(ring: ec.Simulation, program: list[Any], p
 
 
 @pytest.mark.slow
-def test_a_program_is_exported_as_it_is(ring: ec.Simulation, fmu_folder: Path, tmp_path: Path) -> None:
+def test_program_is_exported_unchanged(ring: ec.Simulation, fmu_folder: Path, tmp_path: Path) -> None:
     """With vectors of its own, and components that it samples."""
 
     def write(network: Any) -> list[Any]:
@@ -188,7 +188,7 @@ def test_a_program_is_exported_as_it_is(ring: ec.Simulation, fmu_folder: Path, t
         assert np.array_equal(rows[name], run[name])
 
 
-def test_a_program_that_combines_is_not_plain_c(tmp_path: Path) -> None:
+def test_program_that_combines_is_not_plain_c(tmp_path: Path) -> None:
     system = ec.System.of({"a": Ramp, "b": Ramp}, ["a.y -> b.u"])
     with pytest.raises(ec.CommandError, match="plain C cannot combine values as Written does"):
         ec.load(system, algorithm=relaxed(0.5), step_size=H, stop_time=1.0).export(
@@ -197,7 +197,7 @@ def test_a_program_that_combines_is_not_plain_c(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
-def test_a_signal_ends_the_steps_at_once(ring: ec.Simulation) -> None:
+def test_signal_ends_the_steps_immediately(ring: ec.Simulation) -> None:
     """Not after a second of wall time, when the steps end in any case."""
     with pytest.MonkeyPatch.context() as patch:
         ends = interrupt_steps(patch)

@@ -104,7 +104,7 @@ def test_wrong_conditions_are_refused(text: str, sentence: str, fmu_folder: Path
         simulation.run()
 
 
-def test_the_command_and_its_record(emla: Emla) -> None:
+def test_command_and_record_show_the_condition(emla: Emla) -> None:
     process = emla(
         "run", "lift", "--no-plots", "--stop-time", "0.02", "--stop-when", CONDITION, "--output", "out"
     )

@@ -144,6 +144,6 @@ def test_a_run_that_begins_far_from_zero_has_as_many_steps() -> None:
     assert make_communication_points(1000000000.01, 1e-4, 1e9).steps == 100
 
 
-def test_steps_that_numbers_cannot_tell_apart_are_refused() -> None:
+def test_steps_below_the_resolution_of_doubles_are_refused() -> None:
     with pytest.raises(CommandError, match="are too coarse for steps of "):
         make_communication_points(1e15 + 1.0, 1e-4, 1e15)

@@ -82,7 +82,9 @@ def test_differences_connect(temperatures: dict[str, Path]) -> None:
 
 
 @pytest.mark.parametrize(("source", "target"), [("absolute", "difference"), ("difference", "absolute")])
-def test_a_temperature_drives_no_difference(temperatures: dict[str, Path], source: str, target: str) -> None:
+def test_temperature_cannot_drive_a_difference(
+    temperatures: dict[str, Path], source: str, target: str
+) -> None:
     system = connect(temperatures, source, target)
     with pytest.raises(CommandError, match=r"a\.y -> b\.T joins different quantities.*--lenient"):
         ec.load(system, **OPTIONS).prepare()

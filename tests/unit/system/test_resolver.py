@@ -103,7 +103,7 @@ def test_variables_that_are_not_recorded_can_end_a_run(tank: Path) -> None:
         ({"*.araa": 1.0}, "no variable that can be set matches '*.araa'; did you mean"),
     ],
 )  # fmt: skip
-def test_reasons(values: dict[str, float], message: str, tank: Path) -> None:
+def test_messages_for_invalid_names(values: dict[str, float], message: str, tank: Path) -> None:
     class Flow(Tank):
         q = Input(2.0, unit="m", description="A level as a flow, so that it can be connected")
         area = Parameter(1.0, unit="s", description="Area")
@@ -114,7 +114,7 @@ def test_reasons(values: dict[str, float], message: str, tank: Path) -> None:
     assert message in str(caught.value)
 
 
-def test_brackets_may_be_a_class(tank: Path) -> None:
+def test_brackets_can_be_a_character_class(tank: Path) -> None:
     result = run(tank, set={"[a]rea": 4.0})
     assert result["level"][-1] == pytest.approx(0.25, rel=1e-9)
 
