@@ -6,8 +6,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ..pages.panels import Limit
-from ..views.plots.pictures import Bound, Curve, Find, PanelSpec, Picture, RangeLimit
-from ..views.plots.style import GREEN, GREY, ORANGE, PURPLE, RED
+from ..views.plots.pictures import Bound, Curve, Find, PanelSpec, Part, Picture, RangeLimit
+from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from .criteria import criteria_of
 from .roles import RoleNames, find_variable
 
@@ -51,55 +51,43 @@ def _find_changed(joint: str, role: str, names: Collection[str], roles: Mapping[
     return None if is_same else variable
 
 
+_PARTS: tuple[tuple[str, float, Part], ...] = (("mm", 1e3, "settling"), ("µm", 1e6, "settled"))
+"""Unit, number of units in a metre, and part of the time of panels with position errors."""
+
 JOINT_FIGURES: dict[str, Picture] = {
     "tracking": _joint_picture(
         "Tracking",
-        (
+        tuple(
             PanelSpec(
-                "position / m",
+                label,
                 (
-                    Curve("load", "x_load", GREEN),
-                    Curve("screw", "x_L"),
-                    Curve("reference", "x_d", ORANGE, dashed=True),
-                    Curve("commanded screw", "x_c", PURPLE, dashed=True),
+                    Curve("load", f"{quantity}_load", GREEN),
+                    Curve("screw", f"{quantity}_L"),
+                    Curve("reference", f"{quantity}_d", ORANGE, dashed=True),
+                    Curve("commanded screw", f"{quantity}_c", PURPLE, dashed=True),
                 ),
-                bound=_STROKE,
-            ),
-            PanelSpec(
-                "speed / (m/s)",
-                (
-                    Curve("load", "v_load", GREEN),
-                    Curve("screw", "v_L"),
-                    Curve("reference", "v_d", ORANGE, dashed=True),
-                    Curve("commanded screw", "v_c", PURPLE, dashed=True),
-                ),
-                bound=_SPEED,
-            ),
+                bound=bound,
+            )
+            for label, quantity, bound in (("position / m", "x", _STROKE), ("speed / (m/s)", "v", _SPEED))
         ),
         find=_find_changed,
     ),
     "errors": _joint_picture(
         "Tracking errors",
         (
-            PanelSpec(
-                "load position / mm, settling",
-                (Curve("", "x_load", GREEN, less="x_s", scale=1e3),),
-                "settling",
-                since=_LOAD_SINCE,
-            ),
-            PanelSpec(
-                "load position / µm, settled",
-                (Curve("", "x_load", GREEN, less="x_s", scale=1e6),),
-                "settled",
-                bound=PositionWindow(1e6),
-                since=_LOAD_SINCE,
-            ),
-            PanelSpec("position / mm, settling", (Curve("", "x_L", less="x_c", scale=1e3),), "settling"),
-            PanelSpec(
-                "position / µm, settled",
-                (Curve("", "x_L", less="x_c", scale=1e6),),
-                "settled",
-                bound=PositionWindow(1e6),
+            *(
+                PanelSpec(
+                    f"{subject} / {unit}, {part}",
+                    (Curve("", signal, color, less=reference, scale=scale),),
+                    part,
+                    PositionWindow(scale) if part == "settled" else None,
+                    since,
+                )
+                for subject, signal, reference, color, since in (
+                    ("load position", "x_load", "x_s", GREEN, _LOAD_SINCE),
+                    ("position", "x_L", "x_c", BLUE, None),
+                )
+                for unit, scale, part in _PARTS
             ),
             PanelSpec("speed / (mm/s), settled", (Curve("", "v_L", less="v_c", scale=1e3),), "settled"),
         ),

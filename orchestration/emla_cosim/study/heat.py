@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import Indices, Vector, read_stored_array
-from .roles import RoleNames, find_variable
+from .roles import RoleNames, find_values, find_variable
 
 MIN_DURATION = 1.0
 """Least evaluated time in s; a shorter part of a motion says nothing about a cycle."""
@@ -33,9 +33,6 @@ _TOLERANCE = 1e-3
 
 _ZERO_RISE = 1e-300
 """A temperature rise in K that is as good as none, but has a logarithm."""
-
-_PARAMETERS = ("i_N", "permitted_rise", "tau_th", "ideal_torque", "period")
-"""Roles of the parameters that decide how a winding heats."""
 
 
 @dataclass(frozen=True)
@@ -138,12 +135,12 @@ def find_winding(
         roles: Names by JOINT.ROLE, which override the default ones.
         trip: Fraction beyond the permitted rise at which the joint trips.
     """
-    names = {role: find_variable(joint, role, parameters, roles) for role in _PARAMETERS}
-    values = {role: parameters[name] for role, name in names.items() if name is not None}
-    permitted_rise, tau = (values.get(role, math.nan) for role in ("permitted_rise", "tau_th"))
-    if not (values.get("i_N", 1.0) and permitted_rise > 0.0 and tau > 0.0) or values.get("ideal_torque"):
+    i_N, permitted_rise, tau, is_ideal, period = find_values(
+        joint, parameters, roles, "i_N", "permitted_rise", "tau_th", "ideal_torque", "period"
+    )
+    if i_N == 0.0 or not (permitted_rise > 0.0 and tau > 0.0) or is_ideal > 0.0:
         return None
-    return Winding(permitted_rise, tau, trip, values.get("period", 0.0))
+    return Winding(permitted_rise, tau, trip, 0.0 if math.isnan(period) else period)
 
 
 class _Samples:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from .criteria import format_length
-from .roles import find_variable
+from .roles import find_values, find_variable
 
 _VALUE = "VALUE"
 """In an option: a value that only the user knows."""
@@ -130,13 +130,12 @@ class _Plant(NamedTuple):
 
     def value(self, role: str) -> float:
         """Return the value of a parameter; NaN if the plant does not have it."""
-        name = self.name(role)
-        return math.nan if name is None else self.parameters[name]
+        return find_values(self.joint, self.parameters, self.roles, role)[0]
 
     def is_off(self, *roles: str) -> bool:
         """Return whether the plant has some of these parameters, all of them 0."""
-        values = [value for role in roles if not math.isnan(value := self.value(role))]
-        return bool(values) and not any(values)
+        values = find_values(self.joint, self.parameters, self.roles, *roles)
+        return 0.0 in values and all(x == 0.0 or math.isnan(x) for x in values)
 
     def option(self, values: Mapping[str, str]) -> str:
         """Return the options that set the parameters of these roles."""

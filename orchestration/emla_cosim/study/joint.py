@@ -25,7 +25,6 @@ from emla_fmu.observer_gains import ObserverGains
 from emla_fmu.parameters import EmlaParameters
 from fmublock import Block
 from fmublock.units import parse_unit
-from fmublock.variables import Variable
 from rsba_fmu import BLOCKS
 from rsba_fmu.known_drive import KnownDrive
 
@@ -217,11 +216,19 @@ def build_joint(
         wires += _LOAD_SENSOR
     if brake is not None:
         wires = [new for wire in wires for new in _insert_brake(wire)] + list(_BRAKE_CONNECTIONS)
-    roles = {"plant": "motor"} if electrical else {}
+
+    def resolve(end: str) -> str | None:
+        role, _, port = end.partition(".")
+        own_name = f"{name}.{'motor' if electrical and role == 'plant' else role}.{port}"
+        return elsewhere.get(end, own_name)
+
+    # a controller has only those connections for which it has a variable
+    ports = {f"controller.{port}" for port in _list_ports(controller)}
+    pairs = [wire.split(" -> ") for wire in wires]
     ends = [
-        [_resolve_name(name, end, roles, elsewhere) for end in wire.split(" -> ")]
-        for wire in wires
-        if _has_port(_list_ports(controller), wire)
+        [resolve(end) for end in pair]
+        for pair in pairs
+        if all(end in ports for end in pair if end.startswith("controller."))
     ]
     return Joint(tuple(components), tuple(f"{a} -> {b}" for a, b in ends if a is not None and b is not None))
 
@@ -239,21 +246,11 @@ def _insert_brake(wire: str) -> list[str]:
     return [wire]
 
 
-def _resolve_name(
-    joint: str, end: str, roles: Mapping[str, str], elsewhere: Mapping[str, str | None]
-) -> str | None:
-    if end in elsewhere:
-        return elsewhere[end]
-    role, _, port = end.partition(".")
-    return f"{joint}.{roles.get(role, role)}.{port}"
-
-
 def _build_controller(name: str, controller: type[Block] | Path, emla: Any, gains: Any) -> Component:
     for port in ("u_q", "u_d"):
         if port not in _list_ports(controller):
-            raise CommandError(
-                f"the controller {_label_controller(controller)} has no output '{port}'.", name=port
-            )
+            label = f"'{controller}'" if isinstance(controller, Path) else controller.__name__
+            raise CommandError(f"the controller {label} has no output '{port}'.", name=port)
     if not isinstance(controller, Path) and controller.__module__.startswith("rsba_fmu."):
         return Component(name, controller.__name__, start_values(controller, emla, gains), samples=True)
     values, note = _find_machine_values(name, controller, emla)
@@ -330,10 +327,6 @@ def _list_parameter_units(controller: type[Block] | Path) -> dict[str, SiUnit | 
     }
 
 
-def _label_controller(controller: type[Block] | Path) -> str:
-    return f"'{controller}'" if isinstance(controller, Path) else controller.__name__
-
-
 def _list_ports(controller: type[Block] | Path) -> set[str]:
     """Return the names of a controller's variables."""
     if isinstance(controller, Path):
@@ -341,12 +334,6 @@ def _list_ports(controller: type[Block] | Path) -> set[str]:
 
         return set(read_interface(controller).variables)
     return {scalar.name for scalar in controller.layout().scalars}
-
-
-def _has_port(ports: set[str], wire: str) -> bool:
-    """Return whether the controller has its end of a connection; True for a connection without it."""
-    ends = (end.partition(".") for end in wire.split(" -> "))
-    return all(port in ports for role, _, port in ends if role == "controller")
 
 
 def start_values(block: type[Block], *sources: Any) -> dict[str, Value]:
@@ -370,13 +357,9 @@ def start_values(block: type[Block], *sources: Any) -> dict[str, Value]:
         else:
             values_by_attribute = {a: getattr(source, a) for a in settable if hasattr(source, a)}
         for attribute, value in values_by_attribute.items():
-            values |= _map_to_fmi_names(settable[attribute], value)
+            names = [scalar.name for scalar in settable[attribute].scalars()]
+            values |= zip(names, settable[attribute].flat(value), strict=True)
     return values
-
-
-def _map_to_fmi_names(variable: Variable, value: Any) -> dict[str, Value]:
-    names = [s.name for s in variable.scalars()]
-    return dict(zip(names, variable.flat(value), strict=True))
 
 
 def describe_observer(value: Callable[[str], float | int | bool | str | None]) -> str | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from .criteria import Criteria
-from .roles import RoleNames, find_variable
+from .roles import RoleNames, find_values, find_variable
 
 
 class Range(NamedTuple):
@@ -165,9 +165,8 @@ class LimitWatch:
         if not len(values):
             return
         highest, lowest = values.max(axis=1), values.min(axis=1)
-        signal_numbers = np.flatnonzero(
-            ~((self._minima <= lowest) & (highest <= self._maxima))
-        )  # NaN counts as beyond
+        # NaN counts as beyond
+        signal_numbers = np.flatnonzero(~((self._minima <= lowest) & (highest <= self._maxima)))
         if not len(signal_numbers):
             return
         trips = dict[str, tuple[int, Trip]]()
@@ -235,45 +234,40 @@ def _watch_signal(
     roles: Mapping[str, str],
 ) -> _WatchedSignal | None:
     signal = find_variable(joint, range_.role, columns, roles)
-    if signal is None:
-        return None
-    if range_.high == TORQUE_LIMIT:
-        ideal = find_variable(joint, "ideal_torque", parameters, roles)
-        high = find_torque_limit(joint, parameters, roles) if ideal and parameters[ideal] else math.nan
-        if math.isnan(high):
-            return None
-    elif (highest := find_variable(joint, range_.high, parameters, roles)) is None:
-        return None
+    if range_.high != TORQUE_LIMIT:
+        (high,) = find_values(joint, parameters, roles, range_.high)
     else:
-        high = parameters[highest]
-    lowest = None if range_.low is None else find_variable(joint, range_.low, parameters, roles)
-    low = -high if range_.low is None else -np.inf if lowest is None else parameters[lowest]
+        (is_ideal,) = find_values(joint, parameters, roles, "ideal_torque")
+        high = find_torque_limit(joint, parameters, roles, "i_max") if is_ideal > 0.0 else math.nan
+    if signal is None or math.isnan(high):
+        return None
+    low = -high if range_.low is None else find_values(joint, parameters, roles, range_.low)[0]
+    low = -math.inf if math.isnan(low) else low
     # drives trip some per cent beyond a limit, so that a reference can move at the limit
     margin = getattr(criteria, range_.threshold) * (1.0 if range_.is_distance else abs(high))
     return _WatchedSignal(joint, range_, signal, columns[signal], low, high, low - margin, high + margin)
 
 
-def find_torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
-    """Return the torque in N m of the motor at its largest current; NaN if it is unknown."""
-    names = [find_variable(joint, role, parameters, roles) for role in ("N_p", "Phi_PM", "i_max")]
-    if None in names:
-        return math.nan
-    poles, flux, current = (parameters[str(name)] for name in names)
-    return 1.5 * poles * flux * current
+def find_torque_limit(
+    joint: str, parameters: Mapping[str, float], roles: Mapping[str, str], *current_limits: str
+) -> float:
+    """Return the torque in N m of the motor at the lowest of these roles' currents; NaN if it is unknown."""
+    poles, flux, *currents = find_values(joint, parameters, roles, "N_p", "Phi_PM", *current_limits)
+    return 1.5 * poles * flux * float(np.fmin.reduce(currents))
 
 
 def _watch_load(
     joint: str, columns: Mapping[str, int], parameters: Mapping[str, float], roles: Mapping[str, str]
 ) -> _WatchedLoad | None:
     signal = find_variable(joint, "F_L", columns, roles)
-    names = [find_variable(joint, role, parameters, roles) for role in ("rho", "lead", "eta_GB")]
-    directional = find_variable(joint, "directional", parameters, roles)
-    limit = find_torque_limit(joint, parameters, roles)
-    if signal is None or None in names or math.isnan(limit):
-        return None
-    rho, lead, efficiency = (parameters[str(name)] for name in names)
-    if directional is not None and parameters[directional]:
+    rho, lead, efficiency, is_directional = find_values(
+        joint, parameters, roles, "rho", "lead", "eta_GB", "directional"
+    )
+    if is_directional > 0.0:
         efficiency = 1.0  # its losses are zero at rest
+    limit = find_torque_limit(joint, parameters, roles, "i_max")
+    if signal is None or any(map(math.isnan, (rho, lead, efficiency, limit))):
+        return None
     return _WatchedLoad(signal, columns[signal], rho * lead / (2.0 * math.pi * efficiency), limit)
 
 

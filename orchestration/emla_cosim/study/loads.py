@@ -15,7 +15,7 @@ from ..base.arrays import Vector, read_stored_array
 from ..recorders.metrics import Figures, MetricDisplay, Metrics
 from ..recorders.recorder import Outline
 from .criteria import EVALUATED_AFTER, TOO_SHORT, criteria_of, format_length
-from .roles import RoleNames, describe_error, find_all_joints, find_variable
+from .roles import RoleNames, describe_error, find_all_joints, find_values, find_variable
 from .settling import Settling
 
 _ROUNDING = 1e-9
@@ -79,17 +79,14 @@ def create_load_metrics(context: Outline) -> "LoadMetrics | None":
         columns = [column[name] for name in names if name is not None]
         if len(columns) < len(_ROLES):
             continue
-        correction, limit = (
-            find_variable(joint, role, existing, context.roles)
-            for role, existing in (("z", column), ("z_max", parameters))
-        )
+        correction = find_variable(joint, "z", column, context.roles)
         loads.append(
             WatchedLoad(
                 joint,
                 columns,
                 describe_error(joint, str(names[_ROLES.index("x_s")])),
                 None if correction is None else column[correction],
-                math.inf if limit is None else parameters[limit],
+                *find_values(joint, parameters, context.roles, "z_max"),
             )
         )
     if not loads:
@@ -145,7 +142,11 @@ class LoadMetrics(Metrics):
             self._load_settling.write(time, size)
         for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(error).all(axis=1)):
             self._not_finite[joint] = float(time[(~np.isfinite(error[joint])).argmax()])
-        self._watch_corrections(time, rows)
+        for number, load in enumerate(self._loads):
+            if load.correction is not None and load.limit > 0.0 and math.isnan(self._limited_at[number]):
+                at_limit = np.abs(rows[:, load.correction]) >= load.limit
+                if at_limit.any():
+                    self._limited_at[number] = float(time[at_limit.argmax()])
         self._last, self._final = float(time[-1]), size[:, -1]
         self.shown = _DISPLAYS if self._is_short else type(self).shown
         earliest = self._start + EVALUATED_AFTER
@@ -159,22 +160,13 @@ class LoadMetrics(Metrics):
                     figure[joint] = np.nan
             start = int(np.searchsorted(time, since - _ROUNDING))
             if start < len(time):
-                if not size[joint, start:].max() <= self._get_largest_error(
-                    joint
-                ):  # also if there is none before
+                # also if there is none before, which is NaN
+                if not size[joint, start:].max() <= self._get_largest_error(joint):
                     self._largest_at[joint] = time[start + int(np.argmax(size[joint, start:]))]
                 part = error[joint, start:]
                 self._highest[joint] = np.fmax(self._highest[joint], part.max())
                 self._lowest[joint] = np.fmin(self._lowest[joint], part.min())
                 self._deflection[joint] = np.fmax(self._deflection[joint], deflection[joint, start:].max())
-
-    def _watch_corrections(self, time: Vector, rows: Vector) -> None:
-        for number, load in enumerate(self._loads):
-            if load.correction is None or not load.limit > 0.0 or not math.isnan(self._limited_at[number]):
-                continue
-            at_limit = np.abs(rows[:, load.correction]) >= load.limit
-            if at_limit.any():
-                self._limited_at[number] = float(time[at_limit.argmax()])
 
     def remarks(self) -> Sequence[str]:
         """Return which feedbacks of loads were at their limits."""

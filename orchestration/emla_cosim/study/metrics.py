@@ -16,7 +16,7 @@ from ..recorders.recorder import Outline
 from .criteria import EVALUATED_AFTER, TOO_SHORT, criteria_of, format_length
 from .heat import HeatWatch
 from .idealisations import list_idealisations
-from .limits import LimitWatch, Trip
+from .limits import LimitWatch, Trip, find_torque_limit
 from .loads import LoadMetrics, create_load_metrics
 from .oscillation import OscillationWatch, WatchedJoint
 from .roles import (
@@ -25,6 +25,7 @@ from .roles import (
     check_roles,
     describe_error,
     find_all_joints,
+    find_values,
     find_variable,
     list_joints_with_roles,
 )
@@ -219,13 +220,14 @@ class JointMetrics(Metrics):
         self._oscillation = OscillationWatch(
             [
                 WatchedJoint(
+                    # the force of a machine depends on the motion of the joint
                     has=[
-                        signals[joint][role] is not None
-                        and not _is_fed_back(joint, role, signals[joint][role])
+                        (name := signals[joint][role]) is not None
+                        and not (role == "F_L" and name.startswith("machine."))
                         for role in _SEARCHED
                     ],
                     inertia=_compute_inertia(joint, parameters, roles),
-                    torque_limit=_compute_torque_limit(joint, parameters, roles),
+                    torque_limit=find_torque_limit(joint, parameters, roles, "i_max", "i_limit"),
                     window=criteria.position_window,
                     ripple=criteria.torque_ripple,
                     is_force_known=signals[joint]["F_L"] is not None,
@@ -249,7 +251,10 @@ class JointMetrics(Metrics):
         self._not_finite = np.full(count, np.nan)
         """When the position error was first not finite, in s."""
         self._peak = np.where(self._missing[_ROLES.index("tau_m")], np.nan, 0.0)
-        self._has_drive = [_has_drive(joint, parameters) for joint in self._joints]
+        # a plant whose torque is the commanded one has no drive that could trip
+        self._has_drive = [
+            not parameters.get(f"{joint}.plant.use_commanded_current", False) for joint in self._joints
+        ]
         self._at_trip = np.full((len(_ROLES), count), np.nan)
         """Signals of each joint when it tripped."""
         self._end_problem: str | None = None
@@ -300,7 +305,11 @@ class JointMetrics(Metrics):
                 math.inf if (t := self._get_trip(i)) is None else t.time_s for i in range(len(self._joints))
             ]
             self._heat.write(time, gathered[-len(self._heat.columns) :], since, until)
-        self._update_convergence_time(time, distance)
+        # that of the paper
+        for joint in np.flatnonzero(self._first > STARTS_CONVERGED):
+            outside = np.flatnonzero(distance[joint] > CONVERGED_WITHIN * self._first[joint])
+            if len(outside):
+                self._last_outside[joint] = float(time[outside[-1]])
         if not np.isfinite(distance).all():
             for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(distance).all(axis=1)):
                 self._not_finite[joint] = float(time[(~np.isfinite(distance[joint])).argmax()])
@@ -374,13 +383,6 @@ class JointMetrics(Metrics):
                 part = tuple(value[joints, start:] for value in values)
                 flags = is_moving[joints, start:], limited[joints, start:]
                 self._tracking.write(joints, time[start:], steps[start:], part, *flags)
-
-    def _update_convergence_time(self, time: Vector, distance: Vector) -> None:
-        """Update the paper's convergence time."""
-        for joint in np.flatnonzero(self._first > STARTS_CONVERGED):
-            outside = np.flatnonzero(distance[joint] > CONVERGED_WITHIN * self._first[joint])
-            if len(outside):
-                self._last_outside[joint] = float(time[outside[-1]])
 
     def ended_early(self, problem: str) -> None:
         """Mark all joints as not held, because the run ended before its stop time."""
@@ -535,10 +537,7 @@ def _find_sample_time(signal: str, sample_times: Mapping[str, float]) -> float:
 
 def _compute_inertia(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
     """Return torque per acceleration of the screw, A_eq in N m / (m/s^2); NaN if it is unknown."""
-    names = {role: find_variable(joint, role, parameters, roles) for role in INERTIA}
-    if any(name is None for name in names.values()):
-        return np.nan
-    J_m, J_c, J_GB, M_BS, rho, lead = (parameters[str(names[role])] for role in INERTIA)
+    J_m, J_c, J_GB, M_BS, rho, lead = find_values(joint, parameters, roles, *INERTIA)
     alpha = 2.0 * math.pi / (rho * lead)
     return alpha * (J_m + J_c + J_GB + M_BS / alpha**2)
 
@@ -547,29 +546,8 @@ def _compute_notch_delay(joint: str, parameters: Mapping[str, float], roles: Map
     """Return by how many s the notches delay the reference motion of a joint; 0 without any."""
     delay = 0.0
     for i in (1, 2):
-        names = [find_variable(joint, f"{role}_{i}", parameters, roles) for role in ("f_notch", "zeta_notch")]
-        frequency, zeta = (0.0 if name is None else parameters[name] for name in names)
+        frequency, zeta = find_values(joint, parameters, roles, f"f_notch_{i}", f"zeta_notch_{i}")
         if frequency > 0.0:
             # that of the filter in docs/load-control.md, which does not depend on the motion
             delay += 2.0 * (1.0 - zeta) / (math.pi * frequency)
     return delay
-
-
-def _compute_torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
-    """Return the torque in N m at the lower current limit of motor and controller; NaN if it is unknown."""
-    values = []
-    for role in ("N_p", "Phi_PM", "i_max", "i_limit"):
-        name = find_variable(joint, role, parameters, roles)
-        values.append(np.nan if name is None else parameters[name])
-    poles, flux, *currents = values
-    return 1.5 * poles * flux * float(np.fmin(*currents))
-
-
-def _has_drive(joint: str, parameters: Mapping[str, float]) -> bool:
-    """Return whether currents make the torque. Without currents, the plant has no drive that could trip."""
-    return not parameters.get(f"{joint}.plant.use_commanded_current", False)
-
-
-def _is_fed_back(joint: str, role: str, name: str | None) -> bool:
-    """Return whether a force depends on the motion of the joint: that of a machine does."""
-    return role == "F_L" and name is not None and name.startswith("machine.")

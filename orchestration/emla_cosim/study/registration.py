@@ -1,6 +1,8 @@
 """Register the study's systems, scenarios, metrics and plots with the rooms that do not know the study."""
 
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, ROLES, TRACKED
@@ -55,22 +57,19 @@ def register() -> None:
     FOLLOWING.update(machines.SYSTEMS)
     CHANGES["actuator"] = change_entries
     EXTENSIONS["supply"] = supply.share_supply
-    if complete_order not in STEPPING:
-        STEPPING.append(complete_order)
-    if supply.complete_order not in STEPPING:
-        STEPPING.append(supply.complete_order)
-    if remarks not in REMARKS:
-        REMARKS.append(remarks)
-    if supply.remarks not in REMARKS:
-        REMARKS.append(supply.remarks)
-    if follow_plant_changes not in FOLLOWERS:
-        FOLLOWERS.append(follow_plant_changes)
-    if find_seeds not in SEEDS:
-        SEEDS.append(find_seeds)
-    if find_machine_roles not in ROLES:
-        ROLES.append(find_machine_roles)
-    if scheduled_times not in SCHEDULES:
-        SCHEDULES.append(scheduled_times)
+    functions: list[tuple[list[Any], Callable[..., Any]]] = [
+        (STEPPING, complete_order),
+        (STEPPING, supply.complete_order),
+        (REMARKS, remarks),
+        (REMARKS, supply.remarks),
+        (FOLLOWERS, follow_plant_changes),
+        (SEEDS, find_seeds),
+        (ROLES, find_machine_roles),
+        (SCHEDULES, scheduled_times),
+    ]
+    for registered, function in functions:
+        if function not in registered:
+            registered.append(function)
     KINDS[KIND] = Kind(KEYS, joint_scenario)
     texts = {
         **{name: partial(read_joint_text, name) for name in list_joint_names()},
@@ -79,8 +78,7 @@ def register() -> None:
     for name in built_in:
         SCENARIOS[name] = texts.get(name) or partial(read_packaged_text, "scenarios", name)
     KINDS[MACHINE] = Kind(MACHINE_KEYS, machines.machine_scenario)
-    for name in ("study-robustness",):
-        PLANS[name] = partial(read_packaged_text, "plans", name)
+    PLANS["study-robustness"] = partial(read_packaged_text, "plans", "study-robustness")
     TUNINGS.update(list_tuning_plans())
     METRICS[LOADS] = create_load_metrics  # before the joints: tables show it first
     METRICS[JOINTS] = create_joint_metrics

@@ -4,6 +4,7 @@ A joint has its own plant and reference, or shares those of a machine, which hav
 for each joint. Which element is that of a joint follows from the connections of the system.
 """
 
+import math
 import re
 from collections.abc import Collection, Iterable, Mapping
 from functools import cached_property
@@ -13,15 +14,19 @@ from ..base.errors import CommandError, join_names, suggest_names
 from ..inputs.input import find_data_names
 from ..system.model import System
 
+_MOTION = ("x", "v", "a")
+
 _PATTERNS: dict[str, tuple[str, ...]] = {
-    "x_L": ("{joint}.plant.x_L", "machine.plant.x_L[{element}]"),
-    "v_L": ("{joint}.plant.v_L", "machine.plant.v_L[{element}]"),
-    "a_L": ("{joint}.plant.a_L", "machine.plant.a_L[{element}]"),
-    "x_d": ("{joint}.reference.x_d", "machine.trajectory.x_d[{element}]"),
-    "v_d": ("{joint}.reference.v_d", "machine.trajectory.v_d[{element}]"),
-    "a_d": ("{joint}.reference.a_d", "machine.trajectory.a_d[{element}]"),
-    **{f"{name}_c": (f"{{joint}}.command.{name}_c",) for name in ("x", "v", "a")},
-    **{f"{name}_s": (f"{{joint}}.command.{name}_s",) for name in ("x", "v", "a")},
+    **{
+        f"{name}_{end}": tuple(pattern.format(name=f"{name}_{end}") for pattern in patterns)
+        for end, patterns in {
+            "L": ("{{joint}}.plant.{name}", "machine.plant.{name}[{{element}}]"),
+            "d": ("{{joint}}.reference.{name}", "machine.trajectory.{name}[{{element}}]"),
+            "c": ("{{joint}}.command.{name}",),
+            "s": ("{{joint}}.command.{name}",),
+        }.items()
+        for name in _MOTION
+    },
     "d_2": ("{joint}.disturbance.d_2",),
     "F_L": (
         "{joint}.plant.load.force",  # with the force along the stroke
@@ -51,15 +56,10 @@ _PATTERNS: dict[str, tuple[str, ...]] = {
     **{
         role: (f"{{joint}}.plant.{name}", f"{{joint}}.motor.{name}")
         for role, name in {
-            "tau_m": "tau_m",
-            "omega_m": "omega_m",
-            "P_el": "P_el",
-            "P_L": "P_L",
+            **{name: name for name in ("tau_m", "omega_m", "P_el", "P_L", "i_q", "i_d")},
             "N_p": "motor.N_p",
             "Phi_PM": "motor.Phi_PM",
             "u_max": "inverter.u_max",
-            "i_q": "i_q",
-            "i_d": "i_d",
             "u_q": "inverter.u_q",
             "u_d": "inverter.u_d",
             "limited_inverter": "inverter.saturated",
@@ -104,13 +104,14 @@ _PATTERNS: dict[str, tuple[str, ...]] = {
             "C_eq": "screw.C_eq",
         }.items()
     },
-    "q_LB": ("{joint}.plant.screw.q_LB", "machine.plant.screw.q_LB[{element}]"),
-    "q_UB": ("{joint}.plant.screw.q_UB", "machine.plant.screw.q_UB[{element}]"),
-    "v_max": ("{joint}.plant.screw.v_max", "machine.plant.screw.v_max[{element}]"),
+    **{
+        role: (f"{{joint}}.plant.screw.{role}", f"machine.plant.screw.{role}[{{element}}]")
+        for role in ("q_LB", "q_UB", "v_max")
+    },
 }
 """Possible names of a role's variable; the first existing one counts."""
 
-_FALLBACK_ROLES = {f"{name}_{end}": f"{name}_d" for name in ("x", "v", "a") for end in ("c", "s")}
+_FALLBACK_ROLES = {f"{name}_{end}": f"{name}_d" for name in _MOTION for end in ("c", "s")}
 """Roles that are those of the reference where no `ScrewCommand` changes it: the commanded motion of the
 screw, and the reference motion of the load after the notches."""
 
@@ -118,19 +119,8 @@ INERTIA = ("J_m", "J_c", "J_GB", "M_BS", "rho", "lead")
 """The roles of the parameters that make the inertia of a joint."""
 
 _PARAMETERS = (
-    "N_p",
-    "Phi_PM",
-    "directional",
-    "eta_GB",
-    "i_limit",
-    "ideal_torque",
-    "i_max",
-    "permitted_rise",
-    "q_LB",
-    "q_UB",
-    "u_max",
-    "v_max",
-    *INERTIA,
+    *("N_p", "Phi_PM", "directional", "eta_GB", "i_limit", "ideal_torque", "i_max", "permitted_rise"),
+    *("q_LB", "q_UB", "u_max", "v_max", *INERTIA),
     *("F_C", "F_S", "B_BS", "C_eq", "lead_error", "wobble", "stiffness", "backlash"),
     *("sigma", "resolution", "eccentricity", "sigma_i", "resolution_i", "delay", "dead_time"),
     *("i_N", "tau_th", "period", "z_max", "k_0", "assumed_stiffness", "start_deflection"),
@@ -176,6 +166,14 @@ def find_variable(
     if variable is None and role in _FALLBACK_ROLES:
         return find_variable(joint, _FALLBACK_ROLES[role], names, roles)
     return variable
+
+
+def find_values(
+    joint: str, parameters: Mapping[str, float], roles: Mapping[str, str] | None, *parameter_roles: str
+) -> list[float]:
+    """Return the values of a joint's parameters by their roles; NaN for one that does not exist."""
+    names = (find_variable(joint, role, parameters, roles) for role in parameter_roles)
+    return [math.nan if name is None else parameters[name] for name in names]
 
 
 def find_all_joints(names: Iterable[str], roles: Mapping[str, str]) -> list[str]:
@@ -253,14 +251,12 @@ def find_joints(system: System) -> list[str]:
     """Return the joints of a system that have position and reference."""
     components = {c.name for c in system.components}
     roles = find_machine_roles(map(str, system.connections))
-    return [
-        b for b in system.branches if all(_has_component(b, r, components, roles) for r in ("x_L", "x_d"))
-    ]
 
+    def has_component(joint: str, role: str) -> bool:
+        names = _format_patterns(_PATTERNS[role], joint, find_element(joint, roles))
+        return any(".".join(name.split(".")[:2]) in components for name in names)
 
-def _has_component(joint: str, role: str, components: Collection[str], roles: Mapping[str, str]) -> bool:
-    names = _format_patterns(_PATTERNS[role], joint, find_element(joint, roles))
-    return any(".".join(name.split(".")[:2]) in components for name in names)
+    return [joint for joint in system.branches if has_component(joint, "x_L") and has_component(joint, "x_d")]
 
 
 def find_machine_roles(connections: Iterable[str]) -> dict[str, str]:
@@ -275,13 +271,12 @@ def find_machine_roles(connections: Iterable[str]) -> dict[str, str]:
 
 def find_element(joint: str, roles: Mapping[str, str] | None) -> int | None:
     """Return the element of a joint in arrays of its machine, from its roles; None if it has none."""
-    for role in _MACHINE_ROLES:
-        if match := _ELEMENT.fullmatch((roles or {}).get(f"{joint}.{role}", "")):
+    for name in _MOTION:
+        if match := _ELEMENT.fullmatch((roles or {}).get(f"{joint}.{name}_d", "")):
             return int(match["element"])
     return None
 
 
-_MACHINE_ROLES = ("x_d", "v_d", "a_d")
 _FROM_TRAJECTORY = re.compile(
     r"(?P<name>machine\.trajectory\.(?P<role>[xva]_d)\[\d+\]) -> (?P<joint>(?!machine\.)[^. ]+)\."
 )

@@ -3,7 +3,7 @@
 Their actuators can have other entries than their data sheets.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -25,7 +25,6 @@ from .actuator.joint_actuators import (
     Actuators,
     check_actuator_joints,
     controller_gains,
-    default_plant_values,
     observer_gains,
     realistic_plant_values,
 )
@@ -109,7 +108,7 @@ def study_joint(
         plant |= realistic_plant_values(replacement or joint_file.realistic)
         plant |= {} if joint_file.seed is None else {"seed_i": current_seed(joint_file.seed)}
     else:
-        plant |= default_plant_values(actuator)
+        plant |= actuator.plant  # the encoder step, and all that was entered
     if on_machine:  # a joint without power falls until an end stop holds it
         stops = realistic_plant_values(replacement or joint_file.realistic)
         plant |= {stop: stops[stop] for stop in ("stop_stiffness", "stop_damping")}
@@ -129,18 +128,15 @@ def study_joint(
         plant |= {"brake_torque": joint_file.brake.torque}
     if compliance is not None:
         plant |= compliance.parameters(force)
-    load_observer = None
+    load_observer, feedback = None, joint_file.load_feedback
     if load_command.has_sensor and compliance is not None:
-        load_observer = observer_parameters(compliance, joint_file.load_feedback)
-        plant |= {
-            "sigma_load": joint_file.load_feedback.sigma,
-            "resolution_load": joint_file.load_feedback.resolution,
-        }
-        plant |= {} if joint_file.seed is None else {"seed_load": load_seed(joint_file.seed)}
+        load_observer = observer_parameters(compliance, feedback)
+        plant |= {"sigma_load": feedback.sigma, "resolution_load": feedback.resolution}
+        # 48271 as in `current_seed`
+        plant |= {} if joint_file.seed is None else {"seed_load": 48271 * joint_file.seed % int(MODULUS)}
     command = None
     if load_command.has_command:
-        emla = actuator.emla
-        command = command_parameters(load_command, emla, compliance, joint_file.load_feedback, force)
+        command = command_parameters(load_command, actuator.emla, compliance, feedback, force)
     has_compliant_gains = compliant and COMPLIANT in joint_file.gains.get(str(controller or "rsba"), {})
     choice = choose_controller(
         controller, gains if gains is None else str(gains), COMPLIANT if has_compliant_gains else None
@@ -217,31 +213,16 @@ def _choose_gains(
 
 def current_seed(seed: int) -> int:
     """Return the seed of the current sensors' noise, far from that of the position noise."""
-    # a multiplier of Lehmer generators with this modulus, as 48271 below; 16807 is that of the noise itself
+    # a multiplier of Lehmer generators with this modulus, as 48271 is, which the load sensor has for the
+    # same reason; 16807 is that of the noise itself
     return 69621 * seed % int(MODULUS)
-
-
-def load_seed(seed: int) -> int:
-    """Return the seed of the load sensor's noise, far from those of the other sensors."""
-    return 48271 * seed % int(MODULUS)
 
 
 def joint_system(
     joint_file: JointFile, controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
 ) -> System:
     """Return the system of one joint alone, with the motion and the load of its file."""
-    check_actuator_joints(actuators, (joint_file.name,))
-    check_notch_joints(variant.get("notch", {}), (joint_file.name,))
-    return _build_alone(joint_file, controller, gains, actuators, **variant)
-
-
-def _build_alone(
-    joint_file: JointFile, controller: Choice, gains: Choice, actuators: Actuators, **variant: Any
-) -> System:
-    reference, load = joint_file.reference.parameters(), joint_file.load.parameters()
-    return study_joint(
-        joint_file, controller, gains, reference=reference, load=load, actuators=actuators, **variant
-    ).alone()
+    return _combine_joints((joint_file,), controller, gains, actuators, **variant)
 
 
 def joint_scenario(content: Mapping[str, Any], where: str, folder: Path) -> ScenarioFile:
@@ -262,61 +243,60 @@ def joint_scenario(content: Mapping[str, Any], where: str, folder: Path) -> Scen
 
 
 def _combine_joints(
-    joints: Iterable[str], controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
+    joint_files: Sequence[JointFile], controller: Choice, gains: Choice, actuators: Actuators, **variant: Any
 ) -> System:
-    joints = list(joints)
-    check_actuator_joints(actuators, joints)
-    check_notch_joints(variant.get("notch", {}), joints)
+    names = [joint_file.name for joint_file in joint_files]
+    check_actuator_joints(actuators, names)
+    check_notch_joints(variant.get("notch", {}), names)
     first, *further = (
-        _build_alone(load_joint(name), controller, gains, actuators, **variant) for name in joints
+        study_joint(
+            joint_file,
+            controller,
+            gains,
+            reference=joint_file.reference.parameters(),
+            load=joint_file.load.parameters(),
+            actuators=actuators,
+            **variant,
+        ).alone()
+        for joint_file in joint_files
     )
     return sum(further, first)
+
+
+def _build_joints(
+    joints: Iterable[str], controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
+) -> System:
+    joint_files = [load_joint(name) for name in joints]
+    return _combine_joints(joint_files, controller, gains, actuators, **variant)
 
 
 def _build_experiment(
     scenario: str, controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
 ) -> System:
     """Return a joint with the motion and the load of an experiment."""
-    name = EXPERIMENTS[scenario]
-    check_actuator_joints(actuators, (name,))
-    check_notch_joints(variant.get("notch", {}), (name,))
-    joint_file = load_joint(name)
+    joint_file = load_joint(EXPERIMENTS[scenario])
     task = joint_file.experiment(scenario)
-    sensors = _get_sensor_parameters(
-        (actuators.get(name) or joint_file.actuator).emla.i_range, joint_file.sample_time
-    )
-    joint_file = msgspec.structs.replace(joint_file, load=task.load, plant={**joint_file.plant, **sensors})
-    return study_joint(
-        joint_file,
-        controller,
-        gains,
-        reference=task.reference.parameters(),
-        load=task.load.parameters(),
-        actuators=actuators,
-        **variant,
-    ).alone()
-
-
-def _get_sensor_parameters(i_range: float, sample_time: float) -> dict[str, Any]:
-    """Return parameters of the drive's sensors and computing time; assumed, except the sample time.
-
-    They are not in a joint file because they follow from the actuator, which the user can replace.
-    """
-    return {
+    i_range = (actuators.get(joint_file.name) or joint_file.actuator).emla.i_range
+    # they are not in the joint file because they follow from the actuator, which the user can replace;
+    # all but the delay of one sample are assumed
+    sensors = {
         "sigma": 1e-8,  # three steps of the encoder
-        "delay": sample_time,
+        "delay": joint_file.sample_time,
         "sigma_i": 1e-3 * i_range,
         "resolution_i": 2.0 * i_range / 2**12,
     }
+    plant = {**joint_file.plant, **sensors}
+    joint_file = msgspec.structs.replace(joint_file, reference=task.reference, load=task.load, plant=plant)
+    return _combine_joints((joint_file,), controller, gains, actuators, **variant)
 
 
-_three_joints = partial(_combine_joints, STUDY)
+_three_joints = partial(_build_joints, STUDY)
 
 SYSTEMS: dict[str, Callable[..., System]] = {
     "study": _three_joints,
     "study-drive": partial(_three_joints, drive=True),
     "study-compliant": partial(_three_joints, drive=True, compliant=True),
-    **{name: partial(_combine_joints, (name,)) for name in dict.fromkeys((*STUDY, *list_joint_names()))},
+    **{name: partial(_build_joints, (name,)) for name in dict.fromkeys((*STUDY, *list_joint_names()))},
     "published": partial(_three_joints, as_printed=True),
     "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),
     **{name: partial(_build_experiment, name) for name in EXPERIMENTS},
@@ -347,7 +327,14 @@ def change_entries(
     }
     changes: dict[str, dict[str, dict[str, Value]]] = {}
     for entry, value in entries.items():
-        joint, table, key = _split_entry(entry)
+        joint, _, name = entry.partition(".")
+        table, _, key = name.partition(".")
+        if table not in TABLES:
+            raise CommandError(
+                f"the entry '{entry}' of a data sheet does not exist; write JOINT.TABLE.ENTRY, with a table "
+                f"of {join_names(TABLES)}.",
+                entry=entry,
+            )
         changes.setdefault(joint, {}).setdefault(table, {})[key] = value
     for joint, tables in changes.items():
         base = changed.get(joint) or sheets.get(joint) or _get_default_actuator(system, joint)
@@ -355,22 +342,9 @@ def change_entries(
     return changed
 
 
-def _split_entry(entry: str) -> tuple[str, str, str]:
-    joint, _, name = entry.partition(".")
-    table, _, key = name.partition(".")
-    if table not in TABLES:
-        raise CommandError(
-            f"the entry '{entry}' of a data sheet does not exist; write JOINT.TABLE.ENTRY, with a table of "
-            f"{join_names(TABLES)}.",
-            entry=entry,
-        )
-    return joint, table, key
-
-
 def _get_default_actuator(system: str, joint: str) -> Actuator:
     """Return the actuator that a joint of a built-in system has without another one."""
-    names = {EXPERIMENTS.get(system, joint), joint}
-    if joint not in list_joint_names() or names != {joint}:
+    if joint not in list_joint_names() or EXPERIMENTS.get(system, joint) != joint:
         raise CommandError(
             f"{joint} has no data sheet whose entries can change; add --actuator {joint}=FILE.toml.",
             joint=joint,

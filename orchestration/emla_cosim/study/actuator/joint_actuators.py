@@ -28,11 +28,6 @@ def check_actuator_joints(actuators: Actuators, joints: Iterable[str]) -> None:
             )
 
 
-def default_plant_values(actuator: Actuator) -> dict[str, Any]:
-    """Return the plant's other parameters: the encoder step, and all that was entered."""
-    return dict(actuator.plant)
-
-
 def realistic_plant_values(actuator: Actuator) -> dict[str, Any]:
     """Return the parameters of a realistic drive: entries, and the rest by the rule for all drives."""
     return asdict(drive(actuator.emla, actuator.i_N)) | actuator.plant

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...base.arrays import Vector
-from ..roles import find_variable
+from ..roles import find_values
 
 if TYPE_CHECKING:
     from machine_fmu.model import MachineModel
@@ -76,18 +76,12 @@ def read_limits(joint: str, values: Mapping[str, float], roles: Mapping[str, str
         values: Values of parameters by full name.
         roles: Names by JOINT.ROLE.
     """
-
-    def find(*names: str) -> list[float] | None:
-        numbers = [values.get(find_variable(joint, name, values, roles) or "") for name in names]
-        return None if None in numbers else [float(x) for x in numbers if x is not None]
-
-    drive_values = find("N_p", "Phi_PM", "rho", "lead", "eta_GB")
-    if drive_values is None:
-        return ForceLimits()
-    N_p, Phi_PM, rho, lead, eta = drive_values
+    N_p, Phi_PM, rho, lead, eta, *currents = find_values(
+        joint, values, roles, "N_p", "Phi_PM", "rho", "lead", "eta_GB", "i_N", "i_limit"
+    )
     force_per_current = 1.5 * N_p * Phi_PM * eta * 2.0 * math.pi / (rho * lead)
-    limits = [None if not (x := find(name)) or not x[0] else x[0] for name in ("i_N", "i_limit")]
-    return ForceLimits(*(None if current is None else current * force_per_current for current in limits))
+    forces = [current * force_per_current for current in currents]
+    return ForceLimits(*(force if force > 0.0 else None for force in forces))
 
 
 def find_extremes(machine: "MachineModel", strokes: Vector) -> list[Extreme]:

@@ -77,7 +77,7 @@ def load_machine_file(name: str | Path) -> MachineFile:
         CommandError: There is no such machine, or an entry of its file is unknown, missing or wrong.
     """
     path = Path(name)
-    if path.suffix.lower() == ".toml":
+    if is_path(str(name)):
         label = f"the machine '{path}'"
         return parse_machine_file(
             read_toml(read_text(path, "the machine"), label), label, path.stem, path.parent

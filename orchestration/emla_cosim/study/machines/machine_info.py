@@ -214,10 +214,11 @@ def find_machine_info(system: System, starts: Mapping[str, Any]) -> MachineInfo 
         CommandError: The start values make no machine.
     """
     stored = system.record.get("machine")
-    names = {component.name for component in system.components}
-    component = next((name for name in COMPONENTS if name in names), None)
+    components = {component.name for component in system.components}
+    component = next((name for name in COMPONENTS if name in components), None)
     if stored is None or component is None:
         return None
+    starts = {name: x for name, x in starts.items() if x is not None}
     machine = read_definition(json.dumps(stored["definition"]))
     names = name_numbers(machine).parameters
     if not all(f"{component}.{name}" in starts for name in names):

@@ -1,7 +1,6 @@
 """The motion of a machine's actuators."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -25,8 +24,6 @@ _COEFFICIENTS_PER_POINT = (DEGREE + 1) // 2
 
 _SAMPLES = 5000
 """Number of moments at which a motion is examined."""
-
-_FIRST_COEFFICIENT = re.compile(r"coefficient\.(.*)\[1\]")
 
 COMPONENT = "machine.trajectory"
 """The component with the motion."""
@@ -210,10 +207,10 @@ def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Bl
         system: The system with all start values.
     """
     values, driven = system.component(name).parameters, {x.input for x in system.into(name)}
-    other_value = _as_table(problem.get("machine"))
+    machine = problem.get("machine")
     other_values = {
         "payload.m": problem.get("payload"),
-        **{FORMER_NAMES.get(k, k): x for k, x in other_value.items()},
+        **({FORMER_NAMES.get(k, k): x for k, x in machine.items()} if isinstance(machine, dict) else {}),
     }
     layout = block.layout()
     differences = []
@@ -242,7 +239,3 @@ def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Bl
         if differences
         else ""
     )
-
-
-def _as_table(entry: object) -> Mapping[str, Any]:
-    return entry if isinstance(entry, dict) else {}

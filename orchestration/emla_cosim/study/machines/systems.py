@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -33,10 +34,14 @@ from .start import Start, find_start
 
 COUPLED, REPLAYED, MERGED = MODES
 
+_MOTION = ("x", "v", "a")
+
 _REFERENCE_FROM_TRAJECTORY: dict[str, str | None] = {
-    f"reference.{name}": f"machine.trajectory.{name}[{{element}}]" for name in ("x_d", "v_d", "a_d")
+    f"reference.{x}_d": f"machine.trajectory.{x}_d[{{element}}]" for x in _MOTION
 }
 _REFERENCE_AND_LOAD = {**_REFERENCE_FROM_TRAJECTORY, "disturbance.F_L": "machine.manipulator.F_L[{element}]"}
+_TRAJECTORY_OUTPUT = re.compile(r"machine\.trajectory\.([xva])_d\[\{element\}\]")
+
 _NOT_MERGED = ("friction", "stop")
 """Tables of an actuator that the merged plant does not support."""
 
@@ -79,11 +84,7 @@ _MODES: Mapping[str, _Mode] = {
     COUPLED: _Mode(
         "machine.manipulator",
         _REFERENCE_AND_LOAD,
-        (
-            "{joint}.plant.x_L -> machine.manipulator.x_L[{element}]",
-            "{joint}.plant.v_L -> machine.manipulator.v_L[{element}]",
-            "{joint}.plant.a_L -> machine.manipulator.a_L[{element}]",
-        ),
+        (*(f"{{joint}}.plant.{x}_L -> machine.manipulator.{x}_L[{{element}}]" for x in _MOTION),),
         Bond("machine.manipulator.F_L[{element}]", "{joint}.plant.v_L"),
     ),
     # load forces of the reference motion; no joint affects them
@@ -91,9 +92,10 @@ _MODES: Mapping[str, _Mode] = {
         "machine.manipulator",
         _REFERENCE_AND_LOAD,
         (
-            "machine.trajectory.x_d[{element}] -> machine.manipulator.x_L[{element}]",
-            "machine.trajectory.v_d[{element}] -> machine.manipulator.v_L[{element}]",
-            "machine.trajectory.a_d[{element}] -> machine.manipulator.a_L[{element}]",
+            *(
+                f"machine.trajectory.{x}_d[{{element}}] -> machine.manipulator.{x}_L[{{element}}]"
+                for x in _MOTION
+            ),
         ),
     ),
     MERGED: _Mode(
@@ -179,7 +181,8 @@ def build_machine_system(
         components += joint_components
         wires = mode_data.wires
         if any(c.model == ScrewCommand.__name__ for c in built.components):
-            wires = [_follow_command(wire) for wire in wires]
+            # the machine makes the motion after the notches
+            wires = [_TRAJECTORY_OUTPUT.sub(r"{joint}.command.\1_s", wire) for wire in mode_data.wires]
         connections += [*built.wires, *(wire.format(joint=joint, element=element) for wire in wires)]
         if mode_data.bond is not None:
             bonds[joint] = mode_data.bond.with_names(joint=joint, element=element)
@@ -189,13 +192,6 @@ def build_machine_system(
     system = System(tuple(components), ()).with_connections(*connections)
     record = {"name": file.name, "definition": json.loads(write_definition(file.machine))}
     return replace(system, bonds=bonds, record={"machine": record})
-
-
-def _follow_command(wire: str) -> str:
-    """Return a pattern of a connection to the machine, which makes the motion after the notches."""
-    for name in ("x", "v", "a"):
-        wire = wire.replace(f"machine.trajectory.{name}_d[{{element}}]", f"{{joint}}.command.{name}_s")
-    return wire
 
 
 def _check_merged(file: MachineFile, actuators: Actuators) -> None:
@@ -269,21 +265,19 @@ def machine_scenario(content: Mapping[str, Any], where: str, folder: Path) -> Sc
     is_file = bool(path.suffix)
     label = f"the machine file '{where}'" if is_file else f"the machine '{where}'"
     file = parse_machine_file(content, label, path.stem, folder if is_file else machines_folder())
+    first, second = _GAINS
+    has_first = all(first in joint.gains.get("rsba", {}) for joint in file.joints.values())
+    default_gains = first if has_first else second
     return ScenarioFile(
         file.description,
         path.name if is_file else where,
-        file.run if "controller" in file.run else {"gains": _choose_default_gains(file), **file.run},
+        file.run if "controller" in file.run else {"gains": default_gains, **file.run},
         where,
         folder,
         partial(build_machine_system, file),
         partial(_choose_default_options, file),
         {name: joint.sheet for name, joint in file.joints.items()},
     )
-
-
-def _choose_default_gains(file: MachineFile) -> str:
-    first, second = _GAINS
-    return first if all(first in joint.gains.get("rsba", {}) for joint in file.joints.values()) else second
 
 
 def _choose_default_options(file: MachineFile, options: Options) -> dict[str, Any]:
@@ -304,24 +298,21 @@ def _choose_default_options(file: MachineFile, options: Options) -> dict[str, An
     return {**defaults, **({"step_multiples": steps} if steps else {})}
 
 
-def _build_paper_system(mode: str, *arguments: Any, **options: Any) -> System:
-    """Return the system of the paper's manipulator with its optimised motion."""
-    file = replace(load_machine_file(MANIPULATOR), motion=Motion(default_spline()))
-    return build_machine_system(file, *arguments, mode=mode, **options)
-
-
 def _build_built_in(name: str, *arguments: Any, **options: Any) -> System:
-    """Return the system of a machine that comes with the study."""
-    return build_machine_system(load_machine_file(name), *arguments, **options)
+    """Return the system of a machine that comes with the study; the paper's has its optimised motion."""
+    file = load_machine_file(name)
+    if name == MANIPULATOR:
+        file = replace(file, motion=Motion(default_spline()))
+    return build_machine_system(file, *arguments, **options)
 
 
 BUILT_IN = tuple(name for name in list_machine_names() if name != MANIPULATOR)
 """The machines that are scenarios by their name: all but the paper's, which has one for each mode."""
 
 SYSTEMS: dict[str, Callable[..., System]] = {
-    "hdrm-replay": partial(_build_paper_system, REPLAYED),
-    "hdrm-coupled": partial(_build_paper_system, COUPLED),
-    "hdrm-merged": partial(_build_paper_system, MERGED),
+    "hdrm-replay": partial(_build_built_in, MANIPULATOR, mode=REPLAYED),
+    "hdrm-coupled": partial(_build_built_in, MANIPULATOR, mode=COUPLED),
+    "hdrm-merged": partial(_build_built_in, MANIPULATOR, mode=MERGED),
     **{name: partial(_build_built_in, name) for name in BUILT_IN},
 }
 """Systems of machines by name, made for a controller and its gains."""
