@@ -70,6 +70,7 @@ def info(
         if not isinstance(source, (str, Path)) or not set(options) <= ignored_options | {LENIENT}:
             raise
         collect = _collect_unsupported_fmu if is_fmu(Path(source)) else _collect_mechanics
+        # an FMU that cannot run is still worth looking at
         return collect(Path(source), error)
     with (
         show_paths_relative_to(scenario.unpacked),
@@ -81,17 +82,13 @@ def info(
         model = _collect_system(scenario, prepared.system, prepared.fmus, prepared.interfaces)
     progress_display.advance(1)
     remarks = (remark.rstrip(".") for remark in faults.remarks(scenario.unpacked))
-    return replace(_with_machine(model, scenario.system), notes=(*model.notes, *remarks))
-
-
-def _with_machine(model: Info, system: System) -> Info:
-    """Return the information with that on the machine of the system, if it has one."""
-    if "machine" not in system.record:
+    model = replace(model, notes=(*model.notes, *remarks))
+    if "machine" not in scenario.system.record:
         return model
     from ..study.machines.machine_info import find_machine_info  # loads CasADi
 
     starts = {variable.name: variable.start for variable in model.variables}
-    return replace(model, machine=find_machine_info(system, starts))
+    return replace(model, machine=find_machine_info(scenario.system, starts))
 
 
 def _collect_mechanics(path: Path, reason: CommandError) -> Info:
@@ -109,14 +106,7 @@ def _collect_mechanics(path: Path, reason: CommandError) -> Info:
     return Info(
         name=path.name,
         description=str(content.get("description", "")),
-        start_time=None,
-        stop_time=None,
-        step_size=None,
         notes=(f"only the mechanics are shown, since the machine cannot run: {str(reason).rstrip('.')}",),
-        fmus=(),
-        components=(),
-        connections=(),
-        variables=(),
         machine=collect_machine(machine),
     )
 
@@ -152,9 +142,9 @@ def _collect_system(
     ]
     used = {file: interfaces[name] for name, file in files.items()}
     positions = {file: i for i, file in enumerate(used)}
-    unread = list[str]()
+    problems = list[str]()
     fmus = tuple(
-        _read_fmu(file, _display_name(file, scenario.unpacked), interface, unread)
+        _read_fmu(file, _display_name(file, scenario.unpacked), interface, problems)
         for file, interface in used.items()
     )
     return Info(
@@ -167,7 +157,7 @@ def _collect_system(
             *scenario.notes,
             *_describe_kinds(wired, interfaces, scenario.options.integrate_together),
             *(remark.rstrip(".") for remark in describe_disabled_event_mode(system)),
-            *unread,
+            *problems,
         ),
         fmus=fmus,
         components=tuple(
@@ -198,12 +188,13 @@ def _collect_unsupported_fmu(path: Path, reason: CommandError) -> Info:
     except (CommandError, ValidationError):
         raise reason from None
     try:
-        unread = list[str]()
-        fmu = _read_fmu(path, str(path), interface, unread)
+        problems = list[str]()
+        fmu = _read_fmu(path, str(path), interface, problems)
         name = make_component_name(fmu.model)
         variables = [
             replace(row, settable=False) for row in _list_variables(Component(name, fmu=path), interface)
         ]
+    # these have a message of their own
     except (CommandError, MemoryError):
         raise
     except Exception as error:  # fmpy fails on invalid numbers
@@ -215,10 +206,9 @@ def _collect_unsupported_fmu(path: Path, reason: CommandError) -> Info:
         start_time=fmu.start_time,
         stop_time=fmu.stop_time,
         step_size=fmu.step_size,
-        notes=(f"the FMU cannot be run here: it {cause}", *unread),
+        notes=(f"the FMU cannot be run here: it {cause}", *problems),
         fmus=(fmu,),
         components=(ComponentInfo(name, fmu.model, 0),),
-        connections=(),
         variables=tuple(variables),
     )
 
@@ -230,14 +220,14 @@ def _display_name(file: Path, unpacked: Path | None) -> str:
     return str(file)
 
 
-def _read_fmu(path: Path, display_path: str, interface: Interface, unread: list[str]) -> FmuInfo:
+def _read_fmu(path: Path, display_path: str, interface: Interface, problems: list[str]) -> FmuInfo:
     """Return what an FMU says about itself as a whole.
 
     Args:
         path: The FMU.
         display_path: What to call its file.
         interface: Its model description.
-        unread: Takes notes on what cannot be read.
+        problems: Takes notes on what cannot be read.
 
     Raises:
         CommandError: The FMU cannot be read.
@@ -250,13 +240,13 @@ def _read_fmu(path: Path, display_path: str, interface: Interface, unread: list[
     try:
         terminals = document.read_terminals()
     except ValueError as error:
-        unread.append(str(error))
+        problems.append(str(error))
     root, experiment = document.root, document.root.find("DefaultExperiment")
     times = (
         _finite(None if experiment is None else experiment.get(name))
         for name in ("startTime", "stopTime", "stepSize", "tolerance")
     )
-    kinds = document.kinds or interface.kinds  # those of FMI 1.0 are no elements
+    kinds = document.kinds or interface.kinds  # those of FMI 1.0 are not elements
     return FmuInfo(
         display_path,
         root.get("modelName", ""),
@@ -299,6 +289,7 @@ def _describe_variable(
     unit = alias.unit or interface.unit(fmu_name)
     limits = (_read_limit(variable, "min"), _read_limit(variable, "max"))
     minimum, maximum = (None if x is None else to_system(x) for x in limits)
+    # a negative factor exchanges the ends of a range
     if to_system.factor < 0.0:
         minimum, maximum = maximum, minimum
     literals = interface.signal_type(fmu_name).items

@@ -55,6 +55,7 @@ def _grouping_key(position: int, v: VariableInfo) -> tuple[object, ...]:
     if element is None or v.driven_by or v.read_by:
         return (v.name,)
     alike = v.causality, v.variability, v.type, v.unit, v.minimum, v.maximum, v.description, v.settable
+    # constant for elements that follow each other
     return element[1], int(element[2]) - position, *alike
 
 

@@ -48,26 +48,19 @@ def render_cell(content: Info) -> str:
     components = {c.name: c.model for c in content.components}
     machine = content.machine
     is_fmu = len(components) == 1
+    facts = [format_count(len(content.variables), "variable")]
+    if not is_fmu:
+        facts = [format_count(len(components), "component"), format_count(len(names), "FMU"), *facts]
+    if machine is not None:
+        facts.append(f"{format_count(len(machine.bodies), 'body', 'bodies')} in .machine")
+    facts += [] if stop is None else [f"{start:g} s to {stop:g} s"]
+    facts += [] if step is None else [f"step {step:g} s"]
     return render_template(
         __package__ or "",
         "info_cell.html",
         Plots(),
         content=content,
-        facts=[
-            *(
-                []
-                if is_fmu
-                else [format_count(len(components), "component"), format_count(len(names), "FMU")]
-            ),
-            format_count(len(content.variables), "variable"),
-            *(
-                []
-                if machine is None
-                else [f"{format_count(len(machine.bodies), 'body', 'bodies')} in .machine"]
-            ),
-            *([] if stop is None else [f"{start:g} s to {stop:g} s"]),
-            *([] if step is None else [f"step {step:g} s"]),
-        ],
+        facts=facts,
         fmu=list_fmu_facts(content.fmus[0]) if is_fmu else [],
         fmus=[
             FmuRow(fmu.model, ", ".join(used), fmu.path)

@@ -179,14 +179,14 @@ class Info:
 
     name: str
     description: str
-    start_time: float | None
-    stop_time: float | None
-    step_size: float | None
-    notes: tuple[str, ...]
-    fmus: tuple[FmuInfo, ...]
-    components: tuple[ComponentInfo, ...]
-    connections: tuple[ConnectionInfo, ...]
-    variables: tuple[VariableInfo, ...]
+    start_time: float | None = None
+    stop_time: float | None = None
+    step_size: float | None = None
+    notes: tuple[str, ...] = ()
+    fmus: tuple[FmuInfo, ...] = ()
+    components: tuple[ComponentInfo, ...] = ()
+    connections: tuple[ConnectionInfo, ...] = ()
+    variables: tuple[VariableInfo, ...] = ()
     machine: "MachineInfo | None" = None
 
     def __repr__(self) -> str:
@@ -231,6 +231,7 @@ class Info:
             >>> [v.name for v in ec.info("lift").matching("*.plant.x_L").variables]
             ['lift.plant.x_L']
         """
+        # each pattern must match something, else it is misspelt
         remaining: set[str] = set()
         for pattern in patterns:
             names = {v.name for v in self.variables if _is_match(v, pattern)}
@@ -270,6 +271,7 @@ class Info:
         """Return everything as JSON text, with one line for each variable."""
         content = self.as_dict()
         rows = [json.dumps(row, allow_nan=False) for row in content.pop("variables")]
+        # thousands of variables in indented JSON would be hard to read and large
         head = json.dumps(content, indent=1, allow_nan=False).removesuffix("\n}")
         return f'{head},\n "variables": [\n  ' + ",\n  ".join(rows) + "\n ]\n}\n"
 

@@ -136,6 +136,7 @@ def add_line(figure: Any, data: Any, x: str, y: str, line: Line, **attributes: A
     from bokeh.models.glyphs import Step
 
     look = {"line_color": line.color, "line_dash": [5, 3] if line.dashed else [], "line_width": 1.5}
+    # discrete values hold until they change
     glyph = Step(x=x, y=y, mode="after", **look) if line.is_stepped else LineGlyph(x=x, y=y, **look)
     return figure.add_glyph(data, glyph, view=_make_view(), **attributes)
 
@@ -215,6 +216,7 @@ def _sample(plot: Plot, most: int) -> dict[str, Vector]:
         lines |= {"lower": (plot.band.time, plot.band.lower), "upper": (plot.band.time, plot.band.upper)}
     times = [time for time, _ in lines.values()]
     curves = {name: mask_undrawable(values) for name, (_, values) in lines.items()}
+    # lines with the same times need no interpolation
     if all(np.array_equal(time, times[0]) for time in times):
         time = times[0] if times else np.empty(0)
     else:

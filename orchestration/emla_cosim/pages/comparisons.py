@@ -27,13 +27,19 @@ class ComparedSignal:
 
     @property
     def share(self) -> float | None:
-        """Largest deviation relative to the tube's width; None if it is no number."""
+        """Largest deviation relative to the tube's width; None if it is not a number."""
         return _find_share(self.comparison)
 
 
 def build_comparison_rows(comparisons: Sequence[Comparison], plots: Plots) -> list[ComparedSignal]:
     """Return rows for the macro `comparisons`, the largest deviations first."""
-    ordered = sorted(comparisons, key=_urgency)
+
+    def urgency(comparison: Comparison) -> tuple[bool, float]:
+        # what left its tube, by the time at which it did; then the rest, by its distance from the edge
+        left_at = comparison.left_at
+        return left_at is None, -(_find_share(comparison) or 0.0) if left_at is None else left_at
+
+    ordered = sorted(comparisons, key=urgency)
     outside = sum(not comparison.inside for comparison in ordered)
     return [
         ComparedSignal(comparison, _add_plots(comparison, plots), k < max(1, min(outside, _OPEN_PLOTS)))
@@ -45,13 +51,6 @@ def _find_share(comparison: Comparison) -> float | None:
     width = comparison.tube.value
     share = abs(comparison.worst) / width if width > 0 else math.nan
     return share if math.isfinite(share) else None
-
-
-def _urgency(comparison: Comparison) -> tuple[bool, float]:
-    """Sort by the time of leaving the tube, then by distance from its edge."""
-    if comparison.left_at is not None:
-        return False, comparison.left_at
-    return True, -(_find_share(comparison) or 0.0)
 
 
 def _add_plots(comparison: Comparison, plots: Plots) -> tuple[str, str]:

@@ -45,6 +45,7 @@ class Plots:
     def content(self, name: str) -> Markup:
         """Return a figure as JSON for a script element, which no text in it can end."""
         content = json.dumps(serialize_figure(self.figures[name]), separators=(",", ":"))
+        # JSON reads the escape as the same letter
         return Markup(content.replace("<", "\\u003c"))
 
     def library(self) -> Markup:
@@ -68,6 +69,7 @@ def _environment(package: str) -> Environment:
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader(__package__ or "", "assets")]),
         autoescape=True,
+        # a wrong name in a template is an error, not an empty text
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

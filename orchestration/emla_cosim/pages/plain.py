@@ -19,6 +19,7 @@ def to_plain(value: Any) -> Any:
     if isinstance(value, (list, tuple, set, frozenset)):
         return [to_plain(inner) for inner in value]
     if isinstance(value, float):
+        # JSON has neither NaN nor infinity
         return float(value) if math.isfinite(value) else None
     if value is None or isinstance(value, (bool, int)):
         return value

@@ -9,6 +9,7 @@ from ..base.quantities import read_quantity
 
 ALL_JOINTS = "*"
 
+# the approach from the start is over by then; its errors would hide all others
 EVALUATED_AFTER = 0.3
 """Errors and torque count from this time in s after the start, or from settling if that is later."""
 
@@ -28,11 +29,14 @@ class Criteria:
     speed, current, torque and temperature, by a distance for the stroke.
     """
 
+    # larger than the lag of every set of gains that follows its reference at all; a narrower window would
+    # hide the lag, as a joint would settle only after the reference has stopped
     position_window: float = _criterion(
         1e-3, "m", "Position error within which a joint has settled, and is to stay"
     )
     # 0.2 s: what the slowest built-in controller needs from 1 mm to about its own error (docs/metrics.md)
     window_time: float = _criterion(0.2, "s", "How long it has to be within it to have settled")
+    # drives trip some per cent beyond a limit, so that a reference can move at it
     over_speed: float = _criterion(0.05, "1", "Fraction beyond the largest speed that is a trip")
     # 10 %: the overshoot that a well-damped current loop may have
     over_current: float = _criterion(0.1, "1", "Fraction beyond the largest current that is a trip")
@@ -40,6 +44,7 @@ class Criteria:
         0.1, "1", "Fraction beyond the motor's torque that is a trip, if the torque is that of the command"
     )
     over_temperature: float = _criterion(0.05, "1", "Fraction beyond the permitted rise that is a trip")
+    # the end stops begin at the stroke
     over_travel: float = _criterion(1e-3, "m", "Distance beyond the stroke that is a trip")
     torque_ripple: float = _criterion(
         0.2, "1", "Fraction of the torque limit that noise of the torque may take, rms"
@@ -60,6 +65,7 @@ def criteria_of(joints: Collection[str], values: Mapping[str, float | str]) -> d
     Raises:
         CommandError: A joint or a criterion does not exist, or a value is invalid.
     """
+    # those of all joints first, so that those of one joint override them
     criteria = dict.fromkeys(joints, Criteria())
     for joint_criterion in sorted(values, key=lambda key: not key.startswith(f"{ALL_JOINTS}.")):
         joint, _, name = joint_criterion.rpartition(".")

@@ -46,6 +46,7 @@ class SampleRates:
         self.rates = [1.0 / (step * steps_per_sample) for steps_per_sample in self.steps_per_sample]
         self.count = 0
         """Number of steps so far."""
+        # half of the memory, which is 64 KiB for each signal
         self._chunk = np.empty((channels, CHUNK), dtype=np.float32)
         """A ring: the samples of the last chunk, which new ones replace. Tones need few digits."""
         self._lower = [np.zeros((channels, 0)) for _ in self.steps_per_sample[1:]]
@@ -79,13 +80,12 @@ class SampleRates:
                     self._lower[i] = capacity[:, -_CAPACITIES[i + 1] :]
                     self._last_sums[i] = last_sums
                 chunks = self.count // CHUNK
-                yield [
-                    i for i, steps in enumerate(self.steps_per_sample) if chunks % self._period(i, steps) == 0
+                # after so many chunks, all samples at a rate are new
+                periods = [
+                    max(capacity * steps // CHUNK, 1)
+                    for capacity, steps in zip(_CAPACITIES, self.steps_per_sample, strict=False)
                 ]
-
-    def _period(self, number: int, steps_per_sample: int) -> int:
-        """Return the number of chunks after which all samples at a rate are new."""
-        return max(_CAPACITIES[number] * steps_per_sample // CHUNK, 1)
+                yield [i for i, period in enumerate(periods) if chunks % period == 0]
 
     def _decimate(self, channels: Any, steps: int) -> list[tuple[Vector, Vector]]:
         """Return the samples of the lower rates in the first steps of the chunk, and their last sums."""
@@ -130,6 +130,7 @@ class SampleRates:
         """Return the state as plain data."""
         filled = min(self.count, CHUNK)
         arrays = [self._chunk[:, :filled], *self._lower, *self._last_sums]
+        # lists of numbers would take many times the room in a checkpoint
         return {"count": self.count, "arrays": [base64.b64encode(x.tobytes()).decode() for x in arrays]}
 
     def remember(self, state: Mapping[str, Any]) -> None:
@@ -156,5 +157,6 @@ def _sum_groups(groups: Vector, weights: Vector) -> Vector:
     return np.concatenate([parts.reshape(signals, divisible), groups[:, divisible:] @ weights], axis=1)
 
 
+# below the size from which BLAS libraries use threads
 _GROUPS_PER_PRODUCT = 256
 """Groups in a product."""

@@ -19,6 +19,7 @@ from .roles import RoleNames, find_values, find_variable
 MIN_DURATION = 1.0
 """Least evaluated time in s; a shorter part of a motion says nothing about a cycle."""
 
+# a temperature contains the losses of its run, so the rows between two samples are not lost
 _MAX_SAMPLES = 1024
 """Most samples of a temperature."""
 
@@ -103,6 +104,7 @@ class Winding:
             time, rise = (np.append(np.interp(start, time, x), x[is_in_cycle]) for x in (time, rise))
         length, gain = float(time[-1] - time[0]), float(rise[-1] - rise[0])
         phase = time - time[0]
+        # the excess at the start of the cycle that decays within it by just what the cycle adds
         steady = rise + gain / -math.expm1(-length / self.tau) * np.exp(-phase / self.tau)
         mean = (float(np.trapezoid(rise, time)) + gain * self.tau) / length
         beyond = steady - self.permitted_rise * (1.0 + self.trip)
@@ -164,6 +166,7 @@ class _Samples:
         self._rises += rise[selected].tolist()
         self._last = float(time[-1]), float(rise[-1])
         while len(self._times) > _MAX_SAMPLES:
+            # doubled, so that which rows are kept does not depend on the blocks in which rows come
             self._interval *= 2.0
             times = np.array(self._times)
             indices = [0, *(1 + self._find_first(times, start))]
@@ -194,23 +197,20 @@ class _Samples:
 
 
 class HeatWatch:
-    """Samples the winding temperatures of joints from when they are evaluated until they trip."""
+    """Samples the winding temperatures of joints from when they are evaluated until they trip.
 
-    def __init__(self, windings: Mapping[int, Winding], columns: Sequence[int]) -> None:
-        """Take the windings by number of the joint, and the columns of their temperatures in the rows."""
-        self._windings = windings
-        self.columns = list(columns)
-        self._samples = {joint: _Samples() for joint in windings}
+    Attributes:
+        columns: Columns of the temperatures in the rows, in the order of the joints.
+    """
 
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         trips: Mapping[str, float],
         columns: RoleNames[int],
         parameters: RoleNames[float],
         roles: Mapping[str, str],
-    ) -> "HeatWatch":
-        """Return the watch of a run.
+    ) -> None:
+        """Find the joints whose windings heat.
 
         Args:
             trips: Fraction beyond the permitted temperature rise that is a trip, by joint.
@@ -218,14 +218,14 @@ class HeatWatch:
             parameters: Values of all parameters by name.
             roles: Names by JOINT.ROLE, which override the default ones.
         """
-        windings, watched = dict[int, Winding](), list[int]()
+        self._windings, self.columns = dict[int, Winding](), list[int]()
         for number, (joint, trip) in enumerate(trips.items()):
             signal = find_variable(joint, "temperature_rise", columns, roles)
             winding = find_winding(joint, parameters, roles, trip)
             if signal is not None and winding is not None:
-                windings[number] = winding
-                watched.append(columns[signal])
-        return cls(windings, watched)
+                self._windings[number] = winding
+                self.columns.append(columns[signal])
+        self._samples = {joint: _Samples() for joint in self._windings}
 
     def write(self, time: Vector, rises: Vector, since: Vector, until: Sequence[float]) -> None:
         """Take the next rows.
@@ -237,6 +237,7 @@ class HeatWatch:
             until: Time in s of the trip of each joint; infinite without one.
         """
         for (joint, samples), rise in zip(self._samples.items(), rises, strict=True):
+            # an approach from a distant start does not repeat
             first = int(np.searchsorted(time, since[joint] - _ROUNDING))
             end = int(np.searchsorted(time, until[joint], side="right"))
             if first < end:
@@ -247,6 +248,7 @@ class HeatWatch:
         if joint not in self._samples:
             return None
         time, rise = self._samples[joint].curve()
+        # half a move would predict the heat of that half
         if not (time[-1] - time[0] >= MIN_DURATION - _ROUNDING and np.isfinite(rise).all()):
             return None
         return self._windings[joint].repeat(time, rise)

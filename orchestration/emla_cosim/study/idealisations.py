@@ -55,6 +55,7 @@ _LEAD = _Effect(
     "lead",
     "exact lead",
     "The lead of the screw is exact; grade 5 of ISO 3408-3 permits 23 µm in 300 mm.",
+    # 23 µm in 300 mm, and half of 8 µm in a turn
     {"lead_error": "7.67e-5", "wobble": "4e-6"},
     "ISO 3408-3",
 )
@@ -186,6 +187,7 @@ def _check_load_force(plant: _Plant) -> Iterator[Idealisation]:
         return
     play = 0.5 * plant.value("backlash")
     # of the plant's stiffness, which can differ from the one that the load control assumes
+    # the play yields to any force, so only the spring counts
     deflection = max(abs(plant.value("start_deflection")) - play, 0.0) * assumed / stiffness
     tenth = format_length(0.1 * deflection)
     yield Idealisation(

@@ -211,6 +211,7 @@ def build_joint(
     wires = [*_CONNECTIONS, *(_TRUE_FEEDBACK if true_feedback else _ESTIMATED_FEEDBACK)]
     if command is not None:
         wires = [new for wire in wires for new in _COMMAND_CONNECTIONS.get(wire, (wire,))]
+        # without a planned start, it would close a loop through a machine that replays the motion
         wires += [_APPROACH] if "approach_time" in command else []
     if load_observer is not None:
         wires += _LOAD_SENSOR
@@ -251,6 +252,7 @@ def _build_controller(name: str, controller: type[Block] | Path, emla: Any, gain
         if port not in _list_ports(controller):
             label = f"'{controller}'" if isinstance(controller, Path) else controller.__name__
             raise CommandError(f"the controller {label} has no output '{port}'.", name=port)
+    # its parameters have the names of our gains and of the actuator, so nothing is guessed
     if not isinstance(controller, Path) and controller.__module__.startswith("rsba_fmu."):
         return Component(name, controller.__name__, start_values(controller, emla, gains), samples=True)
     values, note = _find_machine_values(name, controller, emla)
@@ -272,6 +274,7 @@ def _find_machine_values(
     """
     units = _list_parameter_units(controller)
     attributes = {n: n.removeprefix(MACHINE) for n in units if n.startswith(MACHINE)}
+    # a change of one of our controllers, which then needs the values that ours get
     if {p.name for p in KnownDrive.layout().parameters} <= units.keys():
         gain_attributes = {p.name: p.attribute for b in BLOCKS for p in b.layout().parameters if p.name}
         attributes |= {n: a for n, a in gain_attributes.items() if n in units and a in _list_actuator_units()}

@@ -72,6 +72,7 @@ def _certify_joint(
     joint: str, columns: Mapping[str, Vector], parameters: Mapping[str, float]
 ) -> JointCertificate:
     time = columns["time"]
+    # a run shorter than that is evaluated in its second half
     is_evaluated = time - time[0] >= min(EVALUATED_AFTER, 0.5 * (time[-1] - time[0]))
 
     def get_signal(name: str) -> Vector:
@@ -84,7 +85,11 @@ def _certify_joint(
     prefix = f"{joint}."
     values = {name.removeprefix(prefix): x for name, x in parameters.items() if name.startswith(prefix)}
     gains = ControlGains(read_four("beta"), read_four("zeta"), read_four("delta"), read_four("sigma"))
+    names = ("alpha_1", "alpha_2", "Q_11", "Q_12", "Q_22", "ell", "m_0", "m_decay")
+    alpha_1, alpha_2, Q_11, Q_12, Q_22, *scalars = (values[f"observer.{name}"] for name in names)
+    observer = ObserverConstants((alpha_1, alpha_2), (Q_11, Q_12, Q_22), *scalars)
     P = np.array([get_signal(f"controller.P[{i}]") for i in _SUBSYSTEMS])
+    # the adaptation makes the gain of (39) vary, so D_i is measured with it
     theta = np.array([get_signal(f"controller.theta[{i}]") for i in _SUBSYSTEMS])
     D = np.abs(_compute_disturbances(time, P, theta, gains))[:, is_evaluated].max(axis=1)
     unknown = np.abs(_compute_unknown_acceleration(get_signal, values))[is_evaluated].max()
@@ -93,18 +98,16 @@ def _certify_joint(
     limited = float(np.mean(saturated[is_evaluated] > 0))
     travel = float(np.abs(np.diff(get_signal("plant.x_L")[is_evaluated])).max())
     step = float(time[1] - time[0])
+    error = get_signal("plant.x_L") - columns[str(find_variable(joint, "x_c", columns))]
+    observer_error = get_signal("observer.x_hat") - get_signal("plant.x_L")
     return JointCertificate(
         joint,
-        certificate(gains, _read_observer(values), bounds),
+        certificate(gains, observer, bounds),
         bounds,
-        float(
-            np.abs(get_signal("plant.x_L") - columns[str(find_variable(joint, "x_c", columns))])[
-                is_evaluated
-            ].max()
-        ),
+        float(np.abs(error[is_evaluated]).max()),
         float(np.linalg.norm(P[:, is_evaluated], axis=0).max()),
         float(np.abs(P[2, is_evaluated]).max()),
-        float(np.abs(get_signal("observer.x_hat") - get_signal("plant.x_L"))[is_evaluated].max()),
+        float(np.abs(observer_error[is_evaluated]).max()),
         list(_list_remarks(gains, values, step, limited, travel)),
     )
 
@@ -128,12 +131,6 @@ def _compute_unknown_acceleration(get_signal: Any, values: Mapping[str, float]) 
     )
     N_p, Phi_PM, B_eq, A_eq = (values[f"observer.model.{name}"] for name in ("N_p", "Phi_PM", "B_eq", "A_eq"))
     return acceleration - (1.5 * N_p * Phi_PM * current - B_eq * get_signal("observer.v_hat")) / A_eq
-
-
-def _read_observer(values: Mapping[str, float]) -> ObserverConstants:
-    names = ("alpha_1", "alpha_2", "Q_11", "Q_12", "Q_22", "ell", "m_0", "m_decay")
-    alpha_1, alpha_2, Q_11, Q_12, Q_22, *scalars = (values[f"observer.{name}"] for name in names)
-    return ObserverConstants((alpha_1, alpha_2), (Q_11, Q_12, Q_22), *scalars)
 
 
 def _list_remarks(
@@ -180,33 +177,28 @@ def _list_remarks(
         )
 
 
+def _list_figures(joint: JointCertificate) -> list[tuple[str, str, float]]:
+    proof, units = joint.certificate, ("m/s", "m/s2", "A/s", "A/s")
+    return [
+        *((f"phi_{i}", "1/s", proof.phi[i]) for i in range(5)),
+        ("phi_total", "1/s", proof.phi_total),
+        ("predicted decay of |P|, proof", "1/s", proof.rate),
+        ("predicted decay of |P|, without adaptation", "1/s", proof.direct_rate),
+        *((f"D_{i + 1} measured", unit, joint.bounds.total[i]) for i, unit in enumerate(units)),
+        *((f"theta*_{i + 1}", "", proof.theta_star[i]) for i in range(4)),
+        ("|P|: bound of the proof", "", proof.ultimate),
+        ("|P|: bound without adaptation", "", proof.direct_ultimate),
+        ("|P|: simulated", "", joint.length),
+        ("position error: bound", "µm", 1e6 * proof.position),
+        ("position error: simulated", "µm", 1e6 * joint.position_m),
+        ("current error: bound", "A", proof.current),
+        ("current error: simulated", "A", joint.current_A),
+        ("observer error: bound, of K_2 alone", "µm", 1e6 * proof.observer_position),
+        ("observer error: simulated", "µm", 1e6 * joint.observer_m),
+    ]
+
+
 def build_certificate_rows(certificates: Sequence[JointCertificate]) -> list[tuple[str, str, list[float]]]:
     """Return the rows of the table: label, unit, and the values by joint; inf if there is no bound."""
-    return [
-        *((f"phi_{i}", "1/s", [c.certificate.phi[i] for c in certificates]) for i in range(5)),
-        ("phi_total", "1/s", [c.certificate.phi_total for c in certificates]),
-        ("predicted decay of |P|, proof", "1/s", [c.certificate.rate for c in certificates]),
-        (
-            "predicted decay of |P|, without adaptation",
-            "1/s",
-            [c.certificate.direct_rate for c in certificates],
-        ),
-        *(
-            (f"D_{i + 1} measured", u, [c.bounds.total[i] for c in certificates])
-            for i, u in enumerate(("m/s", "m/s2", "A/s", "A/s"))
-        ),
-        *((f"theta*_{i + 1}", "", [c.certificate.theta_star[i] for c in certificates]) for i in range(4)),
-        ("|P|: bound of the proof", "", [c.certificate.ultimate for c in certificates]),
-        ("|P|: bound without adaptation", "", [c.certificate.direct_ultimate for c in certificates]),
-        ("|P|: simulated", "", [c.length for c in certificates]),
-        ("position error: bound", "µm", [1e6 * c.certificate.position for c in certificates]),
-        ("position error: simulated", "µm", [1e6 * c.position_m for c in certificates]),
-        ("current error: bound", "A", [c.certificate.current for c in certificates]),
-        ("current error: simulated", "A", [c.current_A for c in certificates]),
-        (
-            "observer error: bound, of K_2 alone",
-            "µm",
-            [1e6 * c.certificate.observer_position for c in certificates],
-        ),
-        ("observer error: simulated", "µm", [1e6 * c.observer_m for c in certificates]),
-    ]
+    rows = zip(*map(_list_figures, certificates), strict=True)
+    return [(row[0][0], row[0][1], [value for _, _, value in row]) for row in rows]

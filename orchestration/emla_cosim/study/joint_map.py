@@ -1,7 +1,7 @@
 """A picture of all joints of a run with many: how large their errors are, and which are not held."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,16 +47,16 @@ class JointMap(Drawing):
         names = list(joints)
         has_verdict = np.array([item["reason"] != f"{TOO_SHORT}." for item in joints.values()])
         is_not_held = has_verdict & np.array([not item[HELD] for item in joints.values()])
+        # room for the mark of each joint
         width = float(np.clip(0.14 * len(names), 6.0, 12.0))
         figure, grid = new_figure(len(_DISPLAYS), 1, width, 1.7)
         for axes, metric in zip(grid[:, 0], _DISPLAYS, strict=True):
-            _draw(
-                axes,
-                metric,
-                np.array([metric.factor * item[metric.name] for item in joints.values()]),
-                is_not_held,
-            )
-        _name_joints(grid[-1, 0], names)
+            values = np.array([metric.factor * item[metric.name] for item in joints.values()])
+            _draw(axes, metric, values, is_not_held)
+        interval = math.ceil(len(names) / _MOST_NAMES)
+        grid[-1, 0].set_xticks(range(0, len(names), interval), names[::interval], rotation=90, fontsize=7)
+        for label in grid[-1, 0].get_xticklabels():
+            label.set_parse_math(False)
         verdict = "all are held" if has_verdict.all() else "the run is too short to judge them"
         if is_not_held.any():
             verdict = f"{int(is_not_held.sum())} not held, in red"
@@ -75,10 +75,3 @@ def _draw(axes: "Axes", metric: MetricDisplay, values: Vector, is_not_held: Any)
         axes.set_yscale("log")
     axes.set_ylabel(f"{metric.label} / {metric.unit}".replace("N m", "(N m)"))
     tidy_axes(axes)
-
-
-def _name_joints(axes: "Axes", names: Sequence[str]) -> None:
-    interval = math.ceil(len(names) / _MOST_NAMES)
-    axes.set_xticks(range(0, len(names), interval), names[::interval], rotation=90, fontsize=7)
-    for label in axes.get_xticklabels():
-        label.set_parse_math(False)

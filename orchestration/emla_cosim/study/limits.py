@@ -166,6 +166,7 @@ class LimitWatch:
             return
         highest, lowest = values.max(axis=1), values.min(axis=1)
         # NaN counts as beyond
+        # most blocks of rows are within all limits, and need no more than this
         signal_numbers = np.flatnonzero(~((self._minima <= lowest) & (highest <= self._maxima)))
         if not len(signal_numbers):
             return
@@ -175,6 +176,7 @@ class LimitWatch:
             tripping = np.flatnonzero(~((watched.lowest <= series) & (series <= watched.highest)))
             if watched.joint in self._trips or not len(tripping):
                 continue
+            # of several signals, the first one to trip counts
             if (row := int(tripping[0])) < trips.get(watched.joint, (len(time),))[0]:
                 cause = ""
                 if (load := self._loads.get(watched.joint)) is not None:
@@ -185,6 +187,7 @@ class LimitWatch:
         for number in signal_numbers.tolist():
             watched = self._watched[number]
             if watched.joint not in self._trips:
+                # a real drive is off after its trip
                 end = trips.get(watched.joint, (len(time),))[0]
                 self._record_touch(watched, time[:end], values[number, :end])
         for joint, (_, trip) in trips.items():
@@ -290,5 +293,6 @@ def _read_violation(kind: Any, values: Mapping[str, Any], signals: set[str]) -> 
 
 def format_distinct(value: float, limit: float) -> tuple[str, str]:
     """Return two values with as many digits as show their difference, at least 4."""
+    # 17 digits tell any two doubles apart
     texts: Sequence[tuple[str, str]] = [(f"{value:.{n}g}", f"{limit:.{n}g}") for n in range(4, 18)]
     return next(((a, b) for a, b in texts if a != b), (repr(value), repr(limit)))

@@ -156,6 +156,8 @@ def command_parameters(
     if control.frequencies:
         count = len(control.frequencies)
         values["frequency"] = [*control.frequencies, *[0.0] * (NOTCHES - count)]
+        # the zero of the filter is at the poles of the swing; the frequency of a rigid joint has unknown
+        # damping
         zeta = 0.0 if compliance is None else compliance.damping_ratio
         values["damping_ratio"] = [zeta] * count + [0.0] * (NOTCHES - count)
     if control.sensors == NONE or compliance is None:
@@ -173,6 +175,7 @@ def command_parameters(
     if control.has_sensor:
         values |= feedback.gains(compliance.omega)
     else:
+        # a sensor at the load measures the force by the deflection at the start
         values["F_hat"] = force
     return values
 
@@ -186,6 +189,7 @@ def observer_parameters(compliance: Compliance, feedback: LoadFeedback) -> dict[
     """Return the parameters of `LoadObserver`, by attribute."""
     w = feedback.observer * compliance.omega
     k, c, m = compliance.stiffness, compliance.damping, compliance.mass
+    # three equal poles at -w: the coefficients of (s + w)^3 without those of the load itself
     l_1 = 3.0 * w - c / m
     return {
         "stiffness": k,

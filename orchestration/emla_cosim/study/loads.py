@@ -79,6 +79,7 @@ def create_load_metrics(context: Outline) -> "LoadMetrics | None":
         columns = [column[name] for name in names if name is not None]
         if len(columns) < len(_ROLES):
             continue
+        # only a sensor at the load has a feedback, and so a correction
         correction = find_variable(joint, "z", column, context.roles)
         loads.append(
             WatchedLoad(
@@ -156,6 +157,7 @@ class LoadMetrics(Metrics):
             since = max(earliest, settled) if is_settled else earliest
             if math.isnan(self._evaluated_from[joint]) and is_settled:
                 self._evaluated_from[joint] = since
+                # what counted from 0.3 s on was not settled
                 for figure in (self._highest, self._lowest, self._deflection, self._largest_at):
                     figure[joint] = np.nan
             start = int(np.searchsorted(time, since - _ROUNDING))
@@ -228,6 +230,7 @@ class LoadMetrics(Metrics):
         if joint not in self._joints:
             return None
         number = self._joints.index(joint)
+        # the screw has a reason of its own until it has settled
         has_verdict = self._settling.is_settled(number) or not math.isnan(self._not_finite[number])
         return self._describe_problem(number) if has_verdict else None
 

@@ -32,6 +32,7 @@ from .roles import (
 from .settling import Settling
 from .tracking import AT_REST, FOLLOWING, OBSERVER, POSITION, SPEED, STANDSTILL, TORQUE, Tracking
 
+# as in the paper; used only for the comparison with its Tables VI and VIII
 CONVERGED_WITHIN = 0.05
 """The paper's convergence time: from then on, the position error is within this fraction of its first value.
 """
@@ -196,14 +197,18 @@ class JointMetrics(Metrics):
         self._missing = self._columns < 0
         estimates = [by_role["x_hat"] or "" for by_role in signals.values()]
         self._estimate_interval = np.array(
-            [_find_sample_time(name, sample_times or {}) for name in estimates]
+            [
+                next((s for c, s in (sample_times or {}).items() if name.startswith(f"{c}.")), np.nan)
+                for name in estimates
+            ]
         )
         """Time in s from one estimate of each joint's observer to the next; NaN if each row has one."""
+        # an observer with a step multiple estimates at its own times, from the start on
         self._first_estimate = start
         self._has_speed = ~(self._missing[_ROLES.index("v_s")])
         self._limits = LimitWatch(self._criteria, column, parameters, roles)
         trips = {joint: limits.over_temperature for joint, limits in self._criteria.items()}
-        self._heat = HeatWatch.of(trips, column, parameters, roles)
+        self._heat = HeatWatch(trips, column, parameters, roles)
         self._columns = np.array(
             [*self._columns.ravel(), *self._limits.columns, *self._heat.columns], dtype=int
         )
@@ -310,6 +315,7 @@ class JointMetrics(Metrics):
             outside = np.flatnonzero(distance[joint] > CONVERGED_WITHIN * self._first[joint])
             if len(outside):
                 self._last_outside[joint] = float(time[outside[-1]])
+        # asked of the whole block first, as nearly all blocks are finite
         if not np.isfinite(distance).all():
             for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(distance).all(axis=1)):
                 self._not_finite[joint] = float(time[(~np.isfinite(distance[joint])).argmax()])
@@ -376,6 +382,7 @@ class JointMetrics(Metrics):
             if math.isnan(self._evaluated_from[joint]) and not math.isnan(settled):
                 self._evaluated_from[joint] = since
                 self._tracking.restart(joint)
+        # in most blocks all joints are evaluated from the same row on, and are handled at once
         are_equal = len(set(starts)) == 1
         for first in range(0, len(starts), len(starts) if are_equal else 1):
             joints, start = slice(first, None if are_equal else first + 1), starts[first]
@@ -399,6 +406,7 @@ class JointMetrics(Metrics):
         for name in _STATE:
             value = read_stored_array(memory["own"][name], np.shape(getattr(self, name)))
             setattr(self, name, value if value.ndim else float(value))
+        # stored states have floats only
         self._rows = int(self._rows)
         for name in _PARTS:
             getattr(self, f"_{name}").remember(memory[name])
@@ -478,6 +486,7 @@ class JointMetrics(Metrics):
         reason = next(iter(self._list_reasons(number)), None)
         if reason is None and self._is_short:
             reason = f"{TOO_SHORT}."
+        # what the joint did is a better reason than that the run ended
         if reason is None and self._end_problem is not None:
             reason = self._end_problem
         within = self._final[number] <= max(CONVERGED_WITHIN * self._first[number], STARTS_CONVERGED)
@@ -528,11 +537,6 @@ _STATE = (
     "_peak",
     "_at_trip",
 )
-
-
-def _find_sample_time(signal: str, sample_times: Mapping[str, float]) -> float:
-    """Return the sample time in s of the component that has a signal; NaN without one."""
-    return next((s for component, s in sample_times.items() if signal.startswith(f"{component}.")), np.nan)
 
 
 def _compute_inertia(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:

@@ -30,33 +30,38 @@ NAMES = ("torque", "screw", "load")
 _WINDOWS = (128, 64)
 """Samples of a window at the highest and at the middle rate."""
 
+# fewer short steps come before events, and end soon
 _MIN_STEPS = 32
 """Steps that tell that steps have become shorter."""
 
+# those below contain the motion; with steps of 0.1 ms it is 230 Hz
 _NOISE_BIN = 3
-"""First frequency bin of torque noise; those below contain the motion."""
+"""First frequency bin of torque noise."""
 
 _NOISE_TIME = 0.05
 """Length in s of the parts of which torque noise has an rms."""
 
+# an impact fills one or two
 _NOISE_PARTS = 3
-"""Successive loud parts that make noise sustained; an impact fills one or two."""
+"""Successive loud parts that make noise sustained."""
 
+# ripple of drives is smaller
 _MIN_TORQUE_AMPLITUDE = 0.01
-"""Amplitude of a lasting tone in the torque relative to its limit; ripple of drives is smaller."""
+"""Amplitude of a lasting tone in the torque relative to its limit."""
 
 _MIN_POSITION_AMPLITUDE = 0.005
 """Amplitude of a lasting tone in a position relative to its window."""
 
+# rounding errors grow, too
 _MIN_GROWING_AMPLITUDE = 1e-5
-"""Amplitude of a growing tone relative to torque limit or position window; rounding grows, too."""
+"""Amplitude of a growing tone relative to torque limit or position window."""
 
 _SAME_FREQUENCY = 0.1
 """Largest relative difference between frequencies of one oscillation."""
 
+# a sawtooth with steps from one limit to the other
 _MAX_LINE_AMPLITUDE = 2.0 / math.pi
-"""Amplitude of a sawtooth with steps from one limit to the other, relative to the limit: lines of the steps
-of a sampled controller are not larger."""
+"""Largest amplitude of a line that the steps of a sampled controller make, relative to the limit."""
 
 _MAX_TORQUE_MISMATCH = 0.5
 """Largest part of the torque that may be missing or too much for the acceleration of the joint."""
@@ -180,6 +185,7 @@ class OscillationWatch:
             with np.errstate(invalid="ignore"):
                 self._largest = np.fmax(self._largest, np.abs(signals[TORQUE]).max(axis=1))
         self._follow_steps(time)
+        # copies only where some joints lack a signal
         parts = [
             signals[signal] if len(joint_numbers) == len(self._joints) else signals[signal][joint_numbers]
             for signal, joint_numbers in enumerate(self._joints_with)
@@ -229,6 +235,7 @@ class OscillationWatch:
     def oscillation(self, joint: int) -> Oscillation | None:
         """Return the worst oscillation of a joint so far; None if there was none."""
         if joint not in self._at_end:
+            # the search changes the worst oscillation, which must stay that of complete parts
             worst = dict(self._worst)
             for number in range(self._count_rates()):
                 self._search(joint, number, is_end=True)
@@ -249,6 +256,7 @@ class OscillationWatch:
             return
         last, rate = len(rates.steps_per_sample) - 1, rates.rates[number]
         is_highest = number == 0 and last > 0  # which has the torque only
+        # positions hardly move at frequencies that only the highest rate has
         signals = [i for i in range(_SEARCHED) if watched.has[i] and (i == TORQUE or not is_highest)]
         first = math.ceil((float(self._since[joint]) - self._start) * rate - 1e-6) + number
         first = max(first, rates.available(number) - rates.capacity(number))
@@ -256,6 +264,7 @@ class OscillationWatch:
         if not signals or not grids:
             return
         samples = rates.samples(number, self._channel[signals, joint], first)
+        # a run that diverges is not held for that reason
         if not np.isfinite(samples).all():
             return
         causes = [i for i in range(_SEARCHED, _SIGNALS) if watched.has[i] and not is_highest]
@@ -278,6 +287,7 @@ class OscillationWatch:
                 if (watched.is_force_known or _accelerates_joint(tone, signals, watched))
                 and not _is_sampling_line(tone, scales, grid, watched, rates)
             ]
+            # noise is what is left when no tone explains the torque
             if number == 0 and grid is grids[0] and TORQUE in signals and not oscillations:
                 oscillations = _find_noise(search, grid, watched.ripple, limit, start)
             for oscillation in oscillations:

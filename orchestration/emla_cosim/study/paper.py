@@ -28,6 +28,7 @@ class PrintedTable:
     def recomputed(self, controller: str) -> Cells:
         """Return normalised averages of the printed cells: ratios of means, which reproduce most of them."""
         sums = zip(self._sums(controller), self._sums(REFERENCE), strict=True)
+        # ratios of means, not means of ratios, reproduce most of the printed averages
         return Cells(*(own_sum / base for own_sum, base in sums))
 
     def _sums(self, controller: str) -> list[float]:

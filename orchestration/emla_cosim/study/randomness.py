@@ -25,6 +25,7 @@ def is_random(seed: str, value: Callable[[str], float | None]) -> bool:
         seed: Full name of the seed.
         value: Returns a start value by full name, or None if it is unknown.
     """
+    # a sequence of equal ends, or of zero deviation, is the same for any seed
     for end, scales in MAGNITUDES.items():
         if seed.endswith(f".{end}"):
             prefix = seed.removesuffix(end)

@@ -29,6 +29,7 @@ _PATTERNS: dict[str, tuple[str, ...]] = {
     },
     "d_2": ("{joint}.disturbance.d_2",),
     "F_L": (
+        # first, as it is the sum of what acts
         "{joint}.plant.load.force",  # with the force along the stroke
         "{joint}.plant.F_L",  # data that replace the connection
         "machine.manipulator.F_L[{element}]",
@@ -163,6 +164,7 @@ def find_variable(
     )
     data = names.data if isinstance(names, RoleNames) else find_data_names(names)
     variable = next((data.get(name, name) for name in candidates if name in data or name in names), None)
+    # the reference commands the screw if nothing else does
     if variable is None and role in _FALLBACK_ROLES:
         return find_variable(joint, _FALLBACK_ROLES[role], names, roles)
     return variable

@@ -47,6 +47,7 @@ class Settling:
     def _update(self, joint: int, time: Vector, error: Vector) -> None:
         inside = error <= self._windows[joint]
         outside = np.where(inside, -1, np.arange(len(time)))
+        # for each row, the last row outside of the window, -1 if there is none in this block
         last_outside = np.maximum.accumulate(outside)
         entries = np.append(time, np.nan)[last_outside + 1]
         entered = self._entered[joint]

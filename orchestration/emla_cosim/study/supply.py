@@ -1,7 +1,7 @@
 """The supply that several joints share: its component, its connections, and its figures of a run."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -49,6 +49,7 @@ def supply_components(
         raise CommandError(
             f"a shared supply is for 1 to {JOINTS} joints with our plants, but this system has {len(joints)}."
         )
+    # space-vector modulation reaches 1 / sqrt(3) of the link
     u_0 = math.sqrt(3.0) * max(joints.values())
     levels = {"link.u_start": 1.0, "source.u_0": 1.0, "chopper.u_on": _CHOPPER, "link.u_low": _LOW}
     parameters: dict[str, Value] = {n: factor * u_0 for n, factor in {**levels, "link.u_high": _HIGH}.items()}
@@ -93,6 +94,7 @@ def complete_order(system: System, options: Mapping[str, Any]) -> dict[str, Any]
     order = list[str](options.get("order") or ())
     if not order or SUPPLY in order or all(c.name != SUPPLY for c in system.components):
         return {}
+    # it needs the power of all drives
     return {"order": [*order, SUPPLY]}
 
 
@@ -107,21 +109,17 @@ def _describe(system: System) -> str:
 
 def remarks(system: System, options: Options) -> list[str]:
     """Return a warning, without full stop, for each inverter whose voltage the supply does not have."""
-    return list(_list_voltage_warnings(system, options))
-
-
-def _list_voltage_warnings(system: System, options: Options) -> Iterator[str]:
+    warnings = list[str]()
     for x in system.out_of(SUPPLY):
         u_max = f"joint.u_max{x.output.removeprefix(_SAG)}"
-        drive, supply = (
-            get_number(system, options, *parameter_path)
-            for parameter_path in ((x.target, _U_MAX), (SUPPLY, u_max))
-        )
+        drive = get_number(system, options, x.target, _U_MAX)
+        supply = get_number(system, options, SUPPLY, u_max)
         if None not in (drive, supply) and drive != supply:
-            yield (
+            warnings.append(
                 f"{x.target}.{_U_MAX} is {drive:g} V, but {SUPPLY}.{u_max} is {supply:g} V; set both, or the "
                 "supply limits another voltage"
             )
+    return warnings
 
 
 @dataclass
@@ -185,6 +183,7 @@ class SupplyMetrics(Metrics):
             source_loss_J=loss,
             drawn_energy_J=drawn,
             regenerated_energy_J=returned,
+            # what is still in the capacitor has not been used
             reused_energy_J=max(returned - burnt - max(stored, 0.0), 0.0),
             burnt_energy_J=burnt,
             stored_energy_J=stored,

@@ -96,6 +96,7 @@ def study_joint(
         CommandError: The joint has no gains for the controller, no `[compliance]`, or no load to control.
     """
     if joint_file.compliance is not None and joint_file.compliance.always:
+        # the paper has rigid joints, and on a machine the machine is the load
         compliant = compliant or not (as_printed or on_machine)
     replacement = actuators.get(joint_file.name)
     actuator, x_L = replacement or joint_file.actuator, joint_file.start.x_L
@@ -137,6 +138,7 @@ def study_joint(
     command = None
     if load_command.has_command:
         command = command_parameters(load_command, actuator.emla, compliance, feedback, force)
+    # joint files of users can lack this set
     has_compliant_gains = compliant and COMPLIANT in joint_file.gains.get(str(controller or "rsba"), {})
     choice = choose_controller(
         controller, gains if gains is None else str(gains), COMPLIANT if has_compliant_gains else None
@@ -151,6 +153,7 @@ def study_joint(
         reference=reference,
         disturbance={**load, **seeds, **joint_file.disturbance},
         plant=plant,
+        # the observer begins as near to the screw as in the file
         estimate=estimate + ahead,
         true_feedback=true_feedback,
         electrical=electrical,

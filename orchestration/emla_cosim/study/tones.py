@@ -16,17 +16,20 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Vector
 
+# enough to tell what four inputs cause
 FEWEST_WINDOWS = 12
-"""Least number of windows for a trend; also enough to tell what four inputs cause."""
+"""Least number of windows for a trend."""
 
 FEWEST_CYCLES = 12.0
 """Least number of cycles of a tone."""
 
+# 13 dB; of the lower quartile, as bins around a tone may have other tones
 _MIN_PROMINENCE = 20.0
-"""Least power of a tone relative to the lower quartile of the bins around it, which may have other tones."""
+"""Least power of a tone relative to the lower quartile of the bins around it."""
 
+# a quick test, which noise without tones fails
 _MIN_STEEPNESS = 4.0
-"""Least power of a tone relative to a bin beside its main lobe; says at once that noise has no tone."""
+"""Least power of a tone relative to a bin beside its main lobe."""
 
 _SHORTEST_PART = 32
 """Parts down to this fraction of the time are searched."""
@@ -34,11 +37,13 @@ _SHORTEST_PART = 32
 _BINS_BESIDE = 5
 """Bins beside a peak that are compared with it."""
 
+# narrow-band noise has 0.6 (Rayleigh distribution)
 _MAX_SCATTER = 0.15
-"""Largest standard deviation of the log amplitude from its trend. Narrow-band noise has 0.6 (Rayleigh)."""
+"""Largest standard deviation of the log amplitude from its trend."""
 
+# noise reaches 3
 _MIN_CONTRAST = 4.0
-"""Least power of a tone that comes and goes relative to that at other times; that of noise is up to 3."""
+"""Least power of a tone that comes and goes relative to that at other times."""
 
 _MIN_NOISE_SCATTER = 0.2
 """Least scatter of the log amplitude of noise around a smooth curve over three times such a part."""
@@ -46,20 +51,23 @@ _MIN_NOISE_SCATTER = 0.2
 _ENDED_RATIO = 25.0
 """A tone that has ended must be this much larger than one that continues."""
 
+# a tone that decays faster ends by itself
 _MIN_LASTING_GROWTH = -0.06
-"""Least growth in 1/s of a tone that lasts. A tone that decays faster ends by itself."""
+"""Least growth in 1/s of a tone that lasts."""
 
 _TREND_ERROR = 0.25
 """Largest uncertainty of the log amplitude's change over a segment of a tone that lasts."""
 
+# beyond three standard errors
 _MIN_GROWTH = 0.03
-"""Least growth in 1/s that is certain (three standard errors)."""
+"""Least growth in 1/s that is certain."""
 
 _MIN_CHANGE = 0.12
 """Least change of the log amplitude of a tone that grows."""
 
+# noise in a narrow band seems to grow for a while, too
 _MIN_LATE_CHANGE = 3.0
-"""The same for a tone that grows in less than half of the time; noise in a narrow band seems to grow, too."""
+"""The same for a tone that grows in less than half of the time."""
 
 _MIN_EXPLAINED = 0.8
 """Least part of the log amplitude's variance that the trend of a growing tone explains."""
@@ -70,14 +78,16 @@ _MAX_PHASE_SCATTER = 0.5
 _MIN_PEAK_SHARE = 0.75
 """Least part of the power in one peak of a tone."""
 
+# narrow-band noise has about 1
 _MAX_JUMP = 0.7
-"""Largest change of the log power of a tone from window to window; that of narrow-band noise is about 1."""
+"""Largest change of the log power of a tone from window to window."""
 
 _FORCED_SHARE = 0.5
 """A tone is caused by the inputs if they explain at least this part of its amplitude."""
 
+# a steady input leaves more of a tone that grows
 _FORCED_SHARE_GROWING = 0.4
-"""Largest part of a growing tone that inputs leave unexplained which cause it; a steady input leaves more."""
+"""Largest part of a growing tone that inputs leave unexplained which cause it."""
 
 Spectra = NDArray[np.complex128]
 """Amplitudes by signal, window and frequency."""
@@ -290,7 +300,9 @@ class ToneSearch:
         power_beside = np.minimum.reduce([power[rows, np.maximum(bins + i, 0)] for i in (-4, -3, 3, 4, 5)])
         is_steep = power[rows, bins] > _MIN_STEEPNESS * power_beside
         for number, q in zip(rows[is_steep].tolist(), bins[is_steep].tolist(), strict=True):
-            if self._is_prominent(power[number, :-_BINS_BESIDE], q):
+            bins_of_segment = power[number, :-_BINS_BESIDE].tolist()
+            around = sorted([*bins_of_segment[max(q - 8, 2) : q - 2], *bins_of_segment[q + 3 : q + 9]])
+            if not around or bins_of_segment[q] > _MIN_PROMINENCE * around[len(around) // 4]:
                 yield number, q
 
     def _accumulate_power(self, signal: int) -> Vector:
@@ -300,10 +312,6 @@ class ToneSearch:
             np.cumsum(self._power[signal], axis=0, out=sums[1:, :-_BINS_BESIDE])
             self._cumulative[signal] = sums
         return self._cumulative[signal]
-
-    def _is_prominent(self, power: Vector, q: int) -> bool:
-        around = sorted([*power[max(q - 8, 2) : q - 2].tolist(), *power[q + 3 : q + 9].tolist()])
-        return not around or float(power[q]) > _MIN_PROMINENCE * around[len(around) // 4]
 
     def _compute_amplitudes(self, signals: Any, bins: slice, first: int, last: int) -> Vector:
         """Return amplitudes of tones: three bins contain the main lobe of the window."""
@@ -351,15 +359,11 @@ class ToneSearch:
     def _is_steady(self, tone: Tone) -> bool:
         """Return whether the phase of a tone is that of a sine."""
         signal, q, (first, last) = tone.signal, tone.bin, tone.windows
-        phase = np.unwrap(
-            np.angle(self._spectra[signal, first:last, q] * self._compute_rotation(q, first, last))
-        )
+        # factors that let the phase of a tone in the middle of a bin stand still
+        rotation = np.exp(-2j * np.pi * q * self._grid.hop / self._grid.length * np.arange(first, last))
+        phase = np.unwrap(np.angle(self._spectra[signal, first:last, q] * rotation))
         curve = _compute_polynomials(last - first, 2)  # the frequency may change with the amplitude
         return bool(np.std(phase - curve @ (curve.T @ phase)) < _MAX_PHASE_SCATTER)
-
-    def _compute_rotation(self, q: int, first: int, last: int) -> Spectra:
-        """Return factors that let the phase of a tone in the middle of a bin stand still."""
-        return np.exp(-2j * np.pi * q * self._grid.hop / self._grid.length * np.arange(first, last))
 
     def _is_forced(self, tone: Tone) -> bool:
         """Return whether the inputs cause a tone: whether their tones of this frequency explain it."""

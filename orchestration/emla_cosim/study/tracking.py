@@ -69,6 +69,7 @@ class Tracking:
         """
         error = values[0]
         highest = np.array([value.max(axis=1) for value in values])
+        # no row of this block counts
         maxima = np.where(highest == -np.inf, np.nan, highest)
         self.largest[:4, joints] = np.fmax(self.largest[:4, joints], maxima)
         squares = error * error
@@ -88,6 +89,7 @@ class Tracking:
         self.counts[0, joints] += len(time)
         self.counts[1, joints] += count_true_per_row(is_limited)
         windows = self._windows[joints]
+        # rare once a joint has settled, so that it pays to ask first
         if (highest[0] > windows).any():
             self._count_excursions(joints, time, error, error > windows[:, np.newaxis])
         self._was_outside[joints] = error[:, -1] > windows

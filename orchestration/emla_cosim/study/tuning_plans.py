@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from functools import partial
-from importlib.resources import files
 from string import Template
 from typing import Any
 
@@ -11,6 +10,7 @@ from ..base.errors import CommandError
 from .controllers import COMPLIANT, CONTROLLERS
 from .joints.motions import resting_deflection
 from .joints.schema import JointFile, has_tuning, list_joint_names, load_joint
+from .packaged_files import list_packaged_names, read_packaged_text
 from .systems import STUDY, joint_system
 
 _RIGID = "damped"
@@ -28,9 +28,8 @@ _SOFT, _STIFF = 0.7, 1.3
 
 def list_tuning_plans() -> dict[str, Callable[[], str]]:
     """Return a function for the text of each plan, by controller and joint."""
-    folder = files("emla_cosim.study") / "tunings"
     joints = [name for name in list_joint_names() if has_tuning(name)]
-    controllers = [name for name in CONTROLLERS if (folder / f"{name}.toml").is_file()]
+    controllers = [name for name in CONTROLLERS if name in list_packaged_names("tunings")]
     rigid = {f"{c}-{joint}": partial(_build_plan, c, joint, _RIGID) for c in controllers for joint in joints}
     return rigid | {
         f"{c}-{joint}-{COMPLIANT}": partial(_build_plan, c, joint, COMPLIANT)
@@ -42,10 +41,10 @@ def list_tuning_plans() -> dict[str, Callable[[], str]]:
 
 def _build_plan(controller: str, joint: str, gain_set: str) -> str:
     """Return a plan; `gain_set` is the set of gains from which its search starts."""
-    folder, joint_file = files("emla_cosim.study") / "tunings", load_joint(joint)
+    joint_file = load_joint(joint)
     is_compliant = gain_set == COMPLIANT
     names = ("effort", *(["load"] if is_compliant else []), controller)
-    text = "\n".join((folder / f"{name}.toml").read_text(encoding="utf-8") for name in names)
+    text = "\n".join(read_packaged_text("tunings", name) for name in names)
     noise = joint_file.tuning.noisy if joint_file.tuning is not None else {}
     gap = joint_file.reference.q_S - joint_file.start.x_L
     distance = math.copysign(_START_DISTANCE[gain_set], joint_file.reference.q_E - joint_file.reference.q_S)

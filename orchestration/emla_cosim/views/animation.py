@@ -123,6 +123,7 @@ def write_gif(film: Film, stream: IO[bytes], progress: Progress) -> None:
             format="GIF",
             save_all=True,
             append_images=(image(i) for i in range(1, len(film))),
+            # the end stays visible before the animation repeats
             duration=[frame_duration] * (len(film) - 1) + [_LAST_DURATION],
             loop=0,
         )
@@ -137,6 +138,7 @@ def _make_palette(frame: Pixels) -> "Image.Image":
         256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
     )
     palette, background = np.reshape(quantized.getpalette() or (), (-1, 3)), frame[0, 0].astype(int)
+    # else the background would flicker between two nearly equal colours
     palette[(np.abs(palette - background) < _COLOR_DISTANCE).all(axis=1)] = background
     quantized.putpalette(palette.ravel().tolist())
     return quantized

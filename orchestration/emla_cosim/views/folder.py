@@ -64,6 +64,7 @@ class Folder:
 
     def check_files(self, names: Iterable[str]) -> None:
         """Raise CommandError if files of these names cannot be written, or the folder is not emla's."""
+        # a new folder has nothing to lose
         if not self._place.is_dir():
             return
         names = [name for name in names if os.path.lexists(self._place / name)]
@@ -88,7 +89,7 @@ class Folder:
             return nonempty
         if any(has_record(self._place, record) for record in RECORDS):
             return None
-        # hidden files, such as those of a killed command, are in nobody's way, nor are empty ones
+        # hidden files, such as those of a killed command, disturb no user, nor do empty ones
         unknown = sorted(set(os.listdir(self._place)).difference(names))  # noqa: PTH208
         return next((name for name in unknown if not name.startswith(".")), None)
 
@@ -132,6 +133,7 @@ class Folder:
         Links, and everything else that is not a regular file, stay. Raises RunError.
         """
         with report_write_errors(self.path):
+            # without a record, the files may be those of the user
             for name in names if self.has_own_record() else ():
                 if is_regular(self._place / name):
                     (self._place / name).unlink()
@@ -168,6 +170,7 @@ class Folder:
                 self._remove_leftovers()
                 yield
         finally:
+            # a command that failed early leaves no empty folder
             for folder in missing:
                 with contextlib.suppress(OSError):  # it is not empty
                     folder.rmdir()
@@ -177,6 +180,7 @@ class Folder:
             if not folder.is_symlink():
                 remove_unfinished(folder)
         with contextlib.suppress(OSError):
+            # earlier versions wrote it; nothing reads it any more
             manifest = self._place / _OLD_MANIFEST
             if is_regular(manifest) and has_format("emla-output")(manifest):
                 manifest.unlink()

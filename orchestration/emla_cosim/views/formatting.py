@@ -22,8 +22,10 @@ def format_figure(value: Any, figure: "MetricDisplay") -> str:
     if isinstance(value, int) and figure.factor == 1:
         return str(value)
     scaled = figure.factor * value
+    # NaN: the metric does not exist
     if value != value:
         return "none"
+    # 1.2 m is easier to read than 1200000 µm
     if figure.large and abs(scaled) >= 1e4:
         return f"{value:.4g} {figure.large}"
     return format_rounded(scaled, 4)
@@ -93,6 +95,7 @@ def list_profile_rows(result: "Result", most: int) -> list[ProfileRow]:
     if profile is None:
         return []
     rows, total = list[ProfileRow](), profile["total_s"]
+    # the slowest one is what the user looks for
     fmus = sorted(profile["fmus"].items(), key=lambda item: -item[1]["seconds"])
     for name, measured in fmus[:most]:
         steps = measured["calls"].get("steps", {"count": 0, "seconds": 0.0})
@@ -138,6 +141,7 @@ def format_short(value: Any) -> str:
         return format_short(value["file"])
     if isinstance(value, list):
         return " and ".join(map(format_short, value))
+    # folders differ between machines, and are long
     return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else format_value(value)
 
 

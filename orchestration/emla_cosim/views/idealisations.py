@@ -35,6 +35,7 @@ def describe_idealisations(result: Result) -> str | None:
     labels = {text: join_names(names) for text, names in subjects.items() if text}
     if not labels:
         return None
+    # joints that idealise the same need no names
     parts = labels if len(subjects) == 1 else [f"{names}: {text}" for text, names in labels.items()]
     values = f"typical values: {', '.join(sources)}; " if sources else ""
     return f"Idealised: {'; '.join(parts)} ({values}metrics.json has the option for each)"

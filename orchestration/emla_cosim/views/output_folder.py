@@ -77,11 +77,13 @@ class OutputFolder(Folder):
         self.files = [self.results.name, METRICS, RECORD]
         self.files += [REPORT] * report + pictures * plots + animations * animated
         plotted = [f"{name}.{ending}" for name in FIGURES for ending in PLOT_FORMATS]
+        # files of an earlier run with other options must not stay beside those of this run
         possible = [*table_names(), METRICS, RECORD, REPORT, *plotted, *animations]
         self.pictures = [name for name in possible if name not in self.files]
         super().__init__(path, overwrite)
         try:
             path.mkdir(parents=True, exist_ok=True)
+            # only trying tells whether a folder can be written
             with TemporaryFile(dir=path):
                 pass
         except OSError as error:
@@ -172,7 +174,8 @@ class OutputFolder(Folder):
         """
         reporter = progress or Progress()
         figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
-        self.write_json(METRICS, {**to_plain(figures), "run": _collect_run_metrics(result)})
+        pacing = {} if result.pacing is None else {"real_time": result.pacing}
+        self.write_json(METRICS, {**to_plain(figures), "run": {**result.run_figures, **pacing}})
         self.write_json(RECORD, result.record)
         written = list[Path]()
         if report:
@@ -181,6 +184,7 @@ class OutputFolder(Folder):
             reporter.begin("writing the report", 1)
             written.append(self.write(REPORT, render_page(result, notes).encode("utf-8", "replace")))
             reporter.advance(1)
+        # there is nothing to draw
         if result.steps == 0 or result.table is None:
             return written
         if plots:
@@ -200,6 +204,7 @@ class OutputFolder(Folder):
                 name, figure = named_figure
                 written += [self.draw(f"{name}.{self.plot_format}", figure)] if figure is not None else []
                 progress.advance(1)
+        # some plots of a run beside those of an earlier one would mislead
         except BaseException:
             self.remove(path.name for path in written)
             raise
@@ -245,10 +250,3 @@ def _encode_rows(columns: Mapping[str, Any], texts: Texts) -> Vector:
         for values in columns.values()
     )
     return np.column_stack([values.astype(float) for values in numbers])
-
-
-def _collect_run_metrics(result: Result) -> dict[str, Any]:
-    metrics = result.run_figures
-    if result.pacing is not None:
-        metrics["real_time"] = result.pacing
-    return metrics

@@ -69,6 +69,7 @@ class BarProgress(Progress):
         """Report a replacement. If variables are converted, missing or left out, show them as a table."""
         if get_verbosity().quiet:
             return
+        # a table of matches would hide what does not match
         if not (fit.is_noteworthy or get_verbosity().fit):
             count = fit.same + len(fit.matches)
             fits = "its variable matches" if count == 1 else f"all {count} variables match"

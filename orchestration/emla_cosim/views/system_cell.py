@@ -61,6 +61,7 @@ def render_system(
 
 def make_arrow_id(title: str) -> str:
     """Return an id for the arrows of a cell; of equal ids in a notebook, browsers use the first one only."""
+    # of the title, so that the same cell has the same bytes
     return f"emla-arrow-{zlib.crc32(title.encode('utf-8', 'replace')):08x}-"
 
 

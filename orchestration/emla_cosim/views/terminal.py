@@ -26,7 +26,6 @@ from .formatting import (
 )
 
 if TYPE_CHECKING:
-    from ..recorders.metrics import Figures, MetricDisplay
     from ..run.result import Result
     from .output_folder import OutputFolder
 
@@ -104,6 +103,7 @@ def show(content: RenderableType, asked_for: bool = False, **how: Any) -> None:
     Raises:
         CosimError: If standard output cannot be written.
     """
+    # what a command is for is shown also with --quiet
     if _verbosity.quiet and not asked_for:
         return
     with _flush_output():
@@ -113,6 +113,7 @@ def show(content: RenderableType, asked_for: bool = False, **how: Any) -> None:
 def show_table(table: Table) -> None:
     """Print a table as wide as the terminal, or without a terminal so wide that no cell is folded."""
     with _flush_output():
+        # programs that read the table need whole names
         (OUT if OUT.is_terminal else _SafeConsole(width=_UNFOLDED_WIDTH)).print(table)
 
 
@@ -128,6 +129,7 @@ def _flush_output() -> Iterator[None]:
     try:
         yield
     except (OSError, ValueError) as error:
+        # a closed stream raises ValueError, a full disk OSError
         reason = getattr(error, "strerror", None) or error
         raise CosimError(f"the standard output cannot be written: {reason}.") from error
 
@@ -180,6 +182,7 @@ def show_warning(sentence: str) -> None:
 
 def _format_message(sentence: str) -> str:
     """Escape markup, and line breaks of names: lines of a list of problems are indented."""
+    # names come from files, and a line break could fake a second message
     return escape(re.sub(r"[\r\n](?!  )", lambda match: repr(match[0])[1:-1], sentence.strip()))
 
 
@@ -206,8 +209,11 @@ def _list_metrics(result: "Result") -> Iterator[Table | str]:
     yield from result.remarks
     title = f"{result.name}, {result.end_s - result.times.start:g} s simulated"
     for kind, figures in result.metrics.items():
-        if result.shown[kind]:
-            yield _make_metric_table(title, figures, result.shown[kind])
+        if displays := result.shown[kind]:
+            rows = [
+                (d.label, *(format_figure(f[d.name], d) for f in figures.values()), d.unit) for d in displays
+            ]
+            yield _make_table(title, [*figures, ""], rows)
     if not any(result.metrics.values()) and result.signals:
         yield from _list_signals(result, title)
     if (idealised := describe_idealisations(result)) is not None:
@@ -218,47 +224,34 @@ def _list_profile(result: "Result") -> Iterator[Table]:
     """Yield a table of where the time went, if it was measured."""
     if not (rows := list_profile_rows(result, _MOST_FIGURES)):
         return
-    table = Table(title="Where the time went", title_justify="left")
-    table.add_column("", overflow="fold")
-    for column in PROFILE_COLUMNS:
-        table.add_column(column, justify="right")
-    for row in rows:
-        table.add_row(escape(row.name), *row.values)
-    yield table
+    texts = [(row.name, *row.values) for row in rows]
+    yield _make_table("Where the time went", PROFILE_COLUMNS, texts, overflow="fold")
 
 
-def _make_metric_table(title: str, figures: "Figures", displays: "Sequence[MetricDisplay]") -> Table:
+def _make_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]], **first: Any) -> Table:
+    """Return a table with names in the `first` column; values are at the right, texts without a head not."""
     table = Table(title=escape(title), title_justify="left")
-    table.add_column("")
-    for name in figures:
-        table.add_column(escape(name), justify="right")
-    table.add_column("")
-    for figure in displays:
-        values = (format_figure(f[figure.name], figure) for f in figures.values())
-        table.add_row(escape(figure.label), *values, escape(figure.unit))
+    table.add_column("", **first)
+    for column in columns:
+        table.add_column(escape(column), justify="right" if column else "left")
+    for row in rows:
+        table.add_row(*map(escape, row))
     return table
 
 
 def _list_signals(result: "Result", title: str) -> Iterator[Table | str]:
     """Yield a table with the metrics of the first signals, and how many more there are."""
     names, rows = list_signal_texts(result, _MOST_FIGURES)
-    table = Table(title=escape(title), title_justify="left")
-    table.add_column("", overflow="fold")
-    for name in names:
-        table.add_column(name, justify="right")
-    table.add_column("")
-    for signal, values, unit in rows:
-        table.add_row(escape(signal), *values, escape(unit))
-    yield table
+    texts = [(signal, *values, unit) for signal, values, unit in rows]
+    yield _make_table(title, [*names, ""], texts, overflow="fold")
     if (more := len(result.signals) - _MOST_FIGURES) > 0:
         yield f"The metrics of {more} more signals are in metrics.json."
 
 
 def _show_agreement(result: "Result") -> None:
     """Show how many signals agree with the reference, and a table of the others, earliest departure first."""
-    from ..base.tubes.signal_check import (
-        select_outside,  # it loads NumPy, which most output does not need
-    )
+    # it loads NumPy, which most output does not need
+    from ..base.tubes.signal_check import select_outside
 
     outside = select_outside(result.comparisons)
     reference = result.record["reference"]["run"]

@@ -26,6 +26,7 @@ def read_tables(path: Path) -> tuple[dict[str, Any], str]:
     """Return the tables of an actuator's file and its SHA-256; raise CommandError if it is not TOML."""
     label, content = f"the actuator '{path}'", read_file(path, "the actuator")
     try:
+        # editors on Windows write a byte order mark
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise CommandError(f"{label} is not a text in UTF-8.") from error
@@ -106,6 +107,7 @@ class Actuator(FileOrObject):
         Raises:
             CommandError: Entries are wrong; the message lists all faults.
         """
+        # first, as a wrong name makes the right one missing
         names = ACTUATOR.__struct_fields__
         if problems := [str(unknown_entry("it", key, names)) for key in tables if key not in names]:
             raise combine_problems(label, problems)

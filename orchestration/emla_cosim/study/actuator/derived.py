@@ -34,6 +34,7 @@ PLANT_ATTRIBUTES = {
 }
 """Entries that are parameters of the plant, by its attributes."""
 
+# the rest is for disturbances
 BRAKING_SHARE = 0.25
 """Share of the spare braking torque that `a_max` uses; the rest is for disturbances."""
 
@@ -46,6 +47,7 @@ def pole_pairs(v: Values) -> int:
 def fluxes(v: Values) -> dict[str, float]:
     """Return Phi_PM in Wb by constant: 1.5 N_p Phi_PM i_q is torque, N_p Phi_PM omega_m is back-EMF."""
     values = {}
+    # first, because torque moves the load: `flux` takes the first one
     if "motor.kT" in v:
         values["kT"] = v["motor.kT"] / (1.5 * pole_pairs(v))
     if "motor.K_E" in v:

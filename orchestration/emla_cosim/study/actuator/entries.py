@@ -53,14 +53,7 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
         SheetEntry("N_p", "", "4", "pole pairs", is_integer=True),
         SheetEntry("poles", "", "8", "poles, instead of N_p", is_integer=True),
         SheetEntry("kT", "N.m/A", "1.66 N m/A rms", "torque constant", rms=1.0 / ROOT_2),
-        SheetEntry(
-            "K_E",
-            "V.s/rad",
-            "107 V/krpm rms line to line",
-            "voltage constant",
-            rms=ROOT_2,
-            between=1.0 / ROOT_3,
-        ),
+        SheetEntry("K_E", "V.s/rad", "107 V/krpm rms line to line", "voltage constant", ROOT_2, 1.0 / ROOT_3),
         SheetEntry("R", "Ohm", "2.3 Ohm line to line", "winding resistance", between=0.5, needed=True),
         SheetEntry("L", "H", "11.5 mH line to line", "inductance of both axes", between=0.5),
         SheetEntry("L_d", "H", "5 mH per phase", "inductance of the d-axis, with L_q", between=0.5),
@@ -101,15 +94,13 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
     ),
     "inverter": (
         SheetEntry("U_DC", "V", "560 V", "voltage of the DC link"),
-        SheetEntry(
-            "U_supply", "V", "400 V rms line to line", "supply of the inverter", ROOT_2, between=1.0 / ROOT_3
-        ),
+        SheetEntry("U_supply", "V", "400 V rms line to line", "supply of the inverter", ROOT_2, 1.0 / ROOT_3),
         SheetEntry(
             "u_max",
             "V",
             "326 V peak",
             "length of the largest voltage vector: peak voltage of a phase",
-            rms=ROOT_2,
+            ROOT_2,
         ),
         _current("i_max", "largest current"),
         SheetEntry("delay", "s", "0.1 ms", "time after which a voltage takes effect", positive=False),

@@ -51,6 +51,7 @@ def controller_gains(gains: Any, actuator: Actuator | None, load: float, sample_
     entered = {name: actuator.values.get(f"control.{name}") for name in _LOOPS}
     rates = {name: k / sample_time for name, k in entered.items() if k is not None}
     if isinstance(gains, RsbaGains):
+        # the loops of the currents depend on the sample time alone
         beta_1, beta_2, *currents = gains.beta
         k_1, k_2 = rates.get("k_1", 0.5 * beta_1), rates.get("k_2", 0.5 * beta_2)
         changes["beta"] = (2.0 * k_1, 2.0 * k_2, *currents)

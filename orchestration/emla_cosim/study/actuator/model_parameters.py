@@ -114,14 +114,12 @@ def describe_stale_parameters(system: System, options: Options) -> Iterator[str]
         return
     for joint, stale in _find_stale_by_joint(system, options).items():
         changed_names = list(dict.fromkeys(name for entry in stale for name in entry.changed))
-        verb, keep = (
-            ("changes" if len(changed_names) == 1 else "change"),
-            ("keeps its value", "keep their values"),
-        )
+        verb = "changes" if len(changed_names) == 1 else "change"
+        keep = "keeps its value" if len(stale) == 1 else "keep their values"
         is_actuator = any(entry.name.split(".")[1] in _CONTROLLER_AND_OBSERVER for entry in stale)
         yield (
             f"{_shorten_names(changed_names)} {verb}, but {_shorten_names([entry.name for entry in stale])} "
-            f"{keep[len(stale) > 1]}; --follow-models (follow_models = true in a file) changes "
+            f"{keep}; --follow-models (follow_models = true in a file) changes "
             f"{'it' if len(stale) == 1 else 'them'} too"
             f"{f', and --actuator {joint}=FILE the whole actuator' if is_actuator else ''}"
         )
@@ -142,6 +140,7 @@ def _find_stale_by_joint(system: System, options: Options) -> dict[str, list[_St
     """Return the mismatched model parameters by joint; joints without any are left out."""
     components = {c.name: c.parameters for c in system.components if c.name not in options.replace}
     joints = dict.fromkeys(name.partition(".")[0] for name in components)
+    # nothing changes a plant without overrides
     if not options.set:
         return {}
     roles = find_machine_roles(map(str, system.connections))
@@ -153,17 +152,12 @@ def _find_stale(
     joint: str, element: int | None, components: Mapping[str, Mapping[str, Value]], options: Options
 ) -> Iterator[_StaleValue]:
     for assumed in _ASSUMED_VALUES:
-        plant = {
-            parameter: _read_parameter(joint, element, parameter, components, options)
-            for parameter in assumed.sources
-        }
-        changed_names = tuple(entry.name for entry in plant.values() if entry.is_changed)
+        plant = [_read_parameter(joint, element, name, components, options) for name in assumed.sources]
+        changed_names = tuple(entry.name for entry in plant if entry.is_changed)
         if not changed_names:
             continue
-        nominal = _compute_value(assumed, {parameter: entry.before for parameter, entry in plant.items()})
-        matching_value = _compute_value(
-            assumed, {parameter: entry.after for parameter, entry in plant.items()}
-        )
+        nominal = _compute_value(assumed, [entry.before for entry in plant])
+        matching_value = _compute_value(assumed, [entry.after for entry in plant])
         if _is_same(matching_value, nominal):
             continue
         for component in assumed.models:
@@ -171,6 +165,7 @@ def _find_stale(
             current = components.get(f"{joint}.{component}", {}).get(assumed.name)
             if current is not None and not any(matches_pattern(name, key) for key in options.set):
                 old_value = _read_float(name, current, {})
+                # a value that is nominal follows exactly, without the rounding of a ratio
                 scaled = assumed.is_scale and old_value != nominal
                 value = old_value * matching_value / nominal if scaled else matching_value
                 yield _StaleValue(name, changed_names, value)
@@ -217,6 +212,7 @@ def _read_parameter(
         )
         if value is not None
     ]
+    # lead and ratio are in both halves of a merged plant; either one can be set
     return max(parameters, key=lambda parameter: parameter.is_changed, default=_Parameter("", 0.0, 0.0))
 
 
@@ -254,12 +250,11 @@ def _is_same(first: float, second: float) -> bool:
     return math.isclose(first, second, rel_tol=1e-12)
 
 
-def _compute_value(assumed: _AssumedValue, plant: Mapping[str, float]) -> float:
-    """Return the value of a model parameter for a plant; NaN if it is undefined, as for a lead of 0."""
+def _compute_value(assumed: _AssumedValue, plant: Sequence[float]) -> float:
+    """Return a model parameter for the values of its sources; NaN if undefined, as for a lead of 0."""
+    names = [source.rpartition(".")[2].partition("[")[0] for source in assumed.sources]
     try:
-        return assumed.value(
-            SimpleNamespace(**{p.rpartition(".")[2].partition("[")[0]: x for p, x in plant.items()})
-        )
+        return assumed.value(SimpleNamespace(**dict(zip(names, plant, strict=True))))
     except (ZeroDivisionError, OverflowError):
         return math.nan
 

@@ -39,6 +39,7 @@ def find_largest_load(joint: str, system: System, options: Options) -> float | N
     if width and p.ripple_omega:
         first, last = min(moments), max(moments)
         half = math.pi / abs(p.ripple_omega)
+        # with so many peaks, one is close to the largest level
         if (last - first) / half > _MAX_PEAKS:
             p.ripple = 0.0
             return _find_largest_force(p, moments, stroke_forces) + width or None
@@ -97,6 +98,7 @@ def _repeat_moves(moves: Iterable[tuple[float, ...]], period: float, options: Op
         return single_moments
     first_period = math.floor(first / period)
     periods = range(first_period, min(math.ceil(last / period), first_period + _MAX_PEAKS))
+    # the position jumps at the end of a period if its ends differ, so the last moment before counts
     return [i * period + t for i in periods for t in (*single_moments, 0.0, math.nextafter(period, 0.0))]
 
 
@@ -110,6 +112,7 @@ def _list_moments(ends: Iterable[float], options: Options) -> list[float]:
     first, last = get_run_span(options)
     inside = [t for t in ends if first < t < last and t < 0.5 * NEVER]
     if not math.isfinite(last):
+        # without a stop time, until the last part has begun
         last = max(inside, default=first) + 1.0
     evenly = (first + (last - first) * i / _SAMPLES for i in range(_SAMPLES))
     return [*evenly, last, *inside]

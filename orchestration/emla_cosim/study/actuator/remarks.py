@@ -39,6 +39,7 @@ def remarks(system: System, options: Options) -> Sequence[str]:
         for p in _describe_impossible(joint, actuator, system, options)
     ]
     problems += _describe_wrong_sensors(system, options)
+    # now, as the run would fail later or give nonsense
     if problems:
         raise CommandError("\n  ".join(f"{p}." for p in problems), problems=problems)
     warnings = [
@@ -81,6 +82,7 @@ def _describe_impossible(joint: str, actuator: Actuator, system: System, options
     if get_number(system, options, f"{joint}.command", "model.stiffness"):
         subject = "commanded screw"
         deflection = get_number(system, options, f"{joint}.plant", "start.deflection") or 0.0
+        # the screw is ahead of the load by the deflection
         nearest, farthest = nearest + deflection, farthest + deflection
     if not (low <= nearest and farthest <= high):
         yield (

@@ -58,6 +58,7 @@ def read_sheet_value(value: Any, entry: SheetEntry, label: str) -> SheetValue:
         if not isinstance(value, bool):
             raise CommandError(f"{label} is {value!r}; it must be true or false.")
         return SheetValue(str(value).lower(), float(value))
+    # true is an int in Python
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise CommandError(f'{label} is {value!r}; write it as "{entry.example}".')
     if isinstance(value, str):
@@ -82,6 +83,7 @@ def _read_number(text: str, entry: SheetEntry, label: str) -> float:
         return number
     if quantity.unit is None:
         raise CommandError(f"{label} is '{text}' without a unit; add one, as in \"{entry.example}\".")
+    # a turn and a radian have the same dimension, so that units alone do not tell
     powers, expected = quantity.unit.powers.get("rad", 0), unit.powers.get("rad", 0)
     if powers == expected:
         return number

@@ -88,6 +88,7 @@ def _build_table(name: str, function: Callable[..., Any], further: Sequence[Any]
         fields.append((argument_name, _get_file_type(hints[argument_name]), *default))
     about = " ".join((inspect.getdoc(function) or "").partition("\n")[0].split())
     table = extend_struct(GainTable, name.replace(" ", "_"), [*fields, *further], about)
+    # a plain function would become a method of the struct
     table.function, table.arguments = staticmethod(function), [field[0] for field in fields]
     return table
 

@@ -65,6 +65,7 @@ def _read_actuator(value: Any, at: Location, folder: Path | None) -> Actuator:
         label, value = f"the actuator '{path}'", read_tables(path)[0]
     if not isinstance(value, Mapping):
         raise CommandError(f"{label} is {value!r}; it must be a table, or the path of a file.")
+    # two places for the same gains could differ
     if "control" in value:
         raise CommandError(
             f"{label} has the table 'control'; remove it, since [gains] of a joint file has all gains.",

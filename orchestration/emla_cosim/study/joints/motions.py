@@ -157,6 +157,7 @@ class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     def largest(self) -> float:
         """The load force in N of the largest magnitude."""
         stroke_forces = (0.0,) if self.table is None else self.table.force
+        # a bound: levels and positions may not coincide
         level = max((a + b for a in self.levels for b in stroke_forces), key=abs)
         return level + math.copysign(0.5 * (self.ripple or 0.0), level)
 
@@ -171,6 +172,7 @@ class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         if self.table is None:
             return force
         deflection = 0.0
+        # the force depends on the position, and the position on the force
         for _ in range(_ITERATIONS if compliance is not None else 1):
             force = self.levels[0] + self.table.force_at(x - deflection)
             if compliance is not None:

@@ -125,6 +125,7 @@ def has_tuning(name: str) -> bool:
     """Return whether a joint file has the table `[tuning]`; False for a file that is not TOML."""
     text = read_joint_text(name)
     try:
+        # asked of all joints when plans are listed
         return "tuning" in text and "tuning" in read_toml(text, name)  # reading takes longer
     except CommandError:
         return False
@@ -183,6 +184,7 @@ def _build_observer_set(table: Any) -> ObserverSet:
 
 
 def _build_gain_set(table: Any, observers: Mapping[str, ObserverSet], label: str) -> GainSet:
+    # most sets serve both
     machine: GainTable = table if table.on_machine is None else table.on_machine
     if not isinstance(table.observer, str):
         return GainSet(table.gains(), _build_observer_set(table.observer), machine.gains())

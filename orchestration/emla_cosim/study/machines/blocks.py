@@ -77,6 +77,7 @@ def build_machine_blocks(
         CommandError: The machine has no actuators, or one whose name cannot be part of a variable's name.
         RunError: The file with the blocks cannot be written.
     """
+    # machines that do not run here need no joints
     if actuators is None and set(machine.actuators) <= set(list_joint_names()):
         actuators = [load_actuator(joint).emla for joint in machine.actuators]
     is_manipulator = name == MANIPULATOR and machine == load_machine(MANIPULATOR)
@@ -200,6 +201,7 @@ def _block_names(name: str) -> _BlockNames:
 def _load_module(text: str, module: str) -> tuple[Path, dict[str, type[Block]]]:
     """Write a module into the cache, unless it is there, and return its blocks by name."""
     content = text.encode()
+    # by content, so that processes that make different machines do not disturb each other
     file = cache_folder() / "machines" / sha256(content).hexdigest()[:24] / f"{module}.py"
     if not file.is_file() or file.read_bytes() != content:
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -74,6 +74,7 @@ def _check_body(where: str, body: "BodyTable", dimensions: int) -> None:
     moments = [x for x in body.J[:3] if not isinstance(x, str)]
     if any(x < 0.0 for x in moments):
         raise CommandError(f"'J' in {where} is {min(moments):g} kg.m2; it must be at least 0.")
+    # the triangle inequality of moments of inertia
     if len(moments) == 3 and 2.0 * max(moments) > sum(moments) * (1.0 + _ROUNDING_FRACTION):
         raise CommandError(
             f"'J' in {where} is {max(moments):g} kg.m2 about one axis, more than about both others together; "

@@ -108,12 +108,14 @@ def find_maps(machine: "MachineModel", strokes: Vector) -> list[Map]:
         machine: The machine.
         strokes: Strokes in m on a grid, from which these two are chosen.
     """
+    # about four strokes of each actuator are enough to see which two matter
     coarse = strokes[tuple(slice(None, None, max(1, n // 4)) for n in strokes.shape[:-1])]
     forces = machine.holding_forces(coarse.reshape(-1, coarse.shape[-1])).reshape(coarse.shape)
     count = coarse.shape[-1]
     changes = [
         np.nan_to_num(np.ptp(forces, axis=axis)).mean(axis=tuple(range(count - 1))) for axis in range(count)
     ]
+    # a picture has two axes
     largest_first = np.argsort(changes, axis=0)[::-1][:2]
     return [_find_map(machine, i, sorted(map(int, largest_first[:, i]))) for i in range(count)]
 
@@ -128,6 +130,7 @@ def find_levers(machine: "MachineModel", strokes: Vector, actuator: int) -> Vect
 
 
 def _find_map(machine: "MachineModel", actuator: int, axes: Sequence[int]) -> Map:
+    # Newton's method takes much longer than a formula
     count = _FEWER_SIDES if machine.closure.iterated else _SIDES
     sides = [np.linspace(machine.q_LB[i], machine.q_UB[i], count) for i in axes]
     grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1)

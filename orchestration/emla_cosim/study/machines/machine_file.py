@@ -106,6 +106,7 @@ def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder
     joints, seeds = dict[str, JointFile](), set[int | None]()
     for actuator, entry in table.actuators.items():
         joint_file = _adapt_joint(require_joint(actuator, entry.joint, label, folder), machine, label)
+        # those of the paper belong to its manipulator
         if not (entry.disturbances if entry.disturbances is not None else is_path(entry.joint)):
             joint_file = msgspec.structs.replace(joint_file, disturbance={})
         joints[actuator] = joint_file = _make_seed_unique(joint_file, seeds)
@@ -140,6 +141,7 @@ def _adapt_joint(joint_file: JointFile, machine: Machine, label: str) -> JointFi
     if not changes:
         return joint_file
     title = f"the actuator of '{joint_file.name}' of {label}"
+    # both sheets, as the scenario decides which of them is used
     sheets = {
         name: getattr(joint_file, name).changed({"screw": changes}, title)
         for name in ("actuator", "realistic")
@@ -151,6 +153,7 @@ def _make_seed_unique(joint_file: JointFile, seeds: Collection[int | None]) -> J
     """Return a joint whose random sequences are not those of these seeds: joints can share a file."""
     seed = joint_file.seed
     while seed is not None and seed in seeds:
+        # the next number of the generator: joints can share a file, and so a seed
         seed = 16807 * seed % int(MODULUS)
     return joint_file if seed == joint_file.seed else msgspec.structs.replace(joint_file, seed=seed)
 

@@ -223,6 +223,7 @@ def find_machine_info(system: System, starts: Mapping[str, Any]) -> MachineInfo 
     names = name_numbers(machine).parameters
     if not all(f"{component}.{name}" in starts for name in names):
         return None
+    # overrides change the machine
     values = {name: starts[f"{component}.{name}"] for name in names}
     roles = find_machine_roles(map(str, system.connections))
     limits = {joint: read_limits(joint, starts, roles) for joint in machine.actuators}

@@ -184,6 +184,7 @@ def read_system_motion(system: System) -> Motion:
     ]
     degree = int(values["degree"])
     knots = _read_array(values, "knot")
+    # the block has room for more, which is filled
     count = knots.index(knots[-1]) + degree + 1  # the rest repeats the last one
     size = count - degree - 1
     coefficients = {joint: _read_array(values, f"coefficient.{joint}")[:size] for joint in joints}
@@ -223,6 +224,7 @@ def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Bl
             number = values.get(scalar.name, scalar.start)
             if not isinstance(other_number, (int, float)) or not isinstance(number, (int, float)):
                 continue
+            # a start value of a driven input has no effect
             if scalar.name not in driven and not math.isclose(number, other_number, rel_tol=1e-9):
                 unit = f" {variable.unit}" if variable.unit else ""
                 differences.append(

@@ -40,5 +40,6 @@ def find_machine(result: Result) -> MachineModel | None:
         names = name_numbers(machine).parameters
         values = {name: result.parameters[f"{component}.{name}"] for name in names}
         return MachineModel(machine, values)
+    # a replaced FMU has other parameters
     except (MachineError, KeyError):
         return None

@@ -76,6 +76,7 @@ class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     joint: Annotated[JointKind, describe("how it moves relative to its parent", "revolute")]
     on: Annotated[str, describe("parent, or a point of it", "boom.elbow")] = GROUND
     axis: Annotated[NumberList, numbers("", "axis of the joint", [0, 0, 1], (2, 3, 6))] | None = None
+    # as URDF has it
     rotation: Annotated[NumberList, numbers("rad", "roll, pitch and yaw at 0", [0, 0, 0], (3,))] = (
         msgspec.field(default=(0.0, 0.0, 0.0))  # type: ignore[assignment]
     )
@@ -262,6 +263,7 @@ def build_machine(table: MachineTable, label: str, folder: Path | None = None) -
         check_names("urdf", bodies, label)
     try:
         machine = _build_machine(table, bodies, ground, label, folder)
+        # raises MachineError for what only all entries together show
         find_closure(machine)
         locate_outlines(machine)
         name_numbers(machine)
@@ -300,7 +302,7 @@ def _build_machine(
         bodies=bodies,
         ground=ground,
         actuators={name: _build_actuator(name, x, label, folder) for name, x in table.actuators.items()},
-        links={name: _build_link(entry) for name, entry in table.links.items()},
+        links={n: Link((x.first, x.to), x.m, x.c, x.J, x.length) for n, x in table.links.items()},
         loops={name: (entry.first, entry.to) for name, entry in table.loops.items()},
         payload=None if payload is None else Payload(payload.at, payload.m, payload.J, payload.force),
         parameters=dict(_list_parameters(table.parameters)),
@@ -333,10 +335,6 @@ def _build_body(table: BodyTable) -> Body:
         table.joint, parent, at, axis, (roll, pitch, yaw), tuple(table.assembly), table.passive, table.damping
     )
     return Body(joint, table.m, tuple(table.c), tuple(table.J), table.points, tuple(table.outline))
-
-
-def _build_link(table: LinkTable) -> Link:
-    return Link((table.first, table.to), table.m, table.c, table.J, table.length)
 
 
 def _build_actuator(name: str, table: ActuatorTable, label: str, folder: Path | None) -> Actuator:

@@ -55,6 +55,7 @@ def find_start(machine: Machine, strokes: Sequence[float], label: str) -> Start:
     at_rest = Dynamics(mechanism, closure, strokes, passive, guess, _ITERATIONS)
     M = at_rest.mass_matrix()
     masses = [float(plain(M[i][i])) for i in range(len(strokes))]
+    # formulas give NaN where a triangle does not close
     if not all(map(math.isfinite, masses)):
         _reach(mechanism, closure, strokes, label)  # the message says which triangle does not close
     numbers = at_rest.pose.numbers

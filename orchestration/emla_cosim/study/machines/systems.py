@@ -19,7 +19,7 @@ from ...run.options import Options
 from ...run.scenarios.scenario_file import ScenarioFile
 from ...run.system_options import MODES
 from ...system.bond import Bond
-from ...system.model import Component, System, Value
+from ...system.model import Component, System
 from ..actuator.actuator import Actuator
 from ..actuator.joint_actuators import NONE, Actuators, check_actuator_joints
 from ..joint import start_values
@@ -172,6 +172,7 @@ def build_machine_system(
             },
             **variant,
         )
+        # in replay, the screw moves nothing but itself
         joint_components = built.components
         if mode != REPLAYED:  # where the screw moves the machine
             actuator = actuators.get(joint) or joint_file.actuator
@@ -216,15 +217,13 @@ def _build_machine_component(
 ) -> Component:
     """Return the component of the machine."""
     block = blocks.plant if mode == MERGED else blocks.load
-    values: dict[str, Value] = {}
+    parameters: dict[str, Any] = {}
+    if mode == MERGED or actuators:  # with their masses and strokes
+        parameters = _list_joint_parameters(block, file, actuators)
     if mode == MERGED:
-        joint_parameters = _list_joint_parameters(block, file, actuators)
-        uncertain = [joint.plant.get("F_2", 0.0) for joint in file.joints.values()]
-        values |= start_values(
-            block, {**joint_parameters, "x_L_start": list(starts.values()), "F_2": uncertain}
-        )
-    elif actuators:  # with their masses and strokes
-        values |= start_values(block, _list_joint_parameters(block, file, actuators))
+        parameters["x_L_start"] = list(starts.values())
+        parameters["F_2"] = [joint.plant.get("F_2", 0.0) for joint in file.joints.values()]
+    values = start_values(block, parameters)
     return Component(_MODES[mode].machine, blocks.model(block), {**values, **start.values})
 
 
@@ -291,8 +290,10 @@ def _choose_default_options(file: MachineFile, options: Options) -> dict[str, An
     stop = _HOLD_TIME if motion is None else motion.spline.end
     defaults: dict[str, Any] = {"step_size": step, "stop_time": stop}
     if options.mode == REPLAYED:
+        # without a loop, a sampled component needs no mark
         multiples = {joint: multiple for joint, multiple in multiples.items() if multiple > 1}
     else:
+        # forces that are late by a step make the telescope diverge at any step size
         defaults["algorithm"] = "strong"
     steps = {f"{joint}.{role}": multiple for joint, multiple in multiples.items() for role in _SAMPLED_ROLES}
     return {**defaults, **({"step_multiples": steps} if steps else {})}

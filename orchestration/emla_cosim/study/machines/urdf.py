@@ -52,6 +52,7 @@ def read_urdf(path: Path) -> UrdfBodies:
         robot: Any = reader.URDF.load(str(path), load_meshes=False, build_scene_graph=False).robot
     except Exception as error:  # of XML, and of many kinds for values
         raise CommandError(f"{label} cannot be read: {error}.") from error
+    # the ground is what nothing carries
     roots = {link.name for link in robot.links} - {joint.child for joint in robot.joints}
     if len(roots) != 1:
         raise CommandError(f"{label} has {len(roots)} links without a parent; it must have one, the ground.")

@@ -49,16 +49,12 @@ def build_curves(movement: Movement, colors: Mapping[str, str]) -> list[Curves]:
     is_late = movement.time >= movement.time[0] + _TRANSIENT
     part = is_late if is_late.sum() > 1 else np.full_like(is_late, True)
     curves = []
-    if movement.forces is not None:
-        curves.append(
-            Curves("load force / kN", *_thin_rows(movement.time[part], 1e-3 * movement.forces[part]), colors)
-        )
-    if movement.errors is not None:
-        curves.append(
-            Curves(
-                "position error / µm", *_thin_rows(movement.time[part], 1e6 * movement.errors[part]), colors
-            )
-        )
+    for label, scale, values in (
+        ("load force / kN", 1e-3, movement.forces),
+        ("position error / µm", 1e6, movement.errors),
+    ):
+        if values is not None:
+            curves.append(Curves(label, *_thin_rows(movement.time[part], scale * values[part]), colors))
     return curves
 
 
@@ -87,6 +83,7 @@ def _thin_rows(time: Vector, values: Vector) -> tuple[Vector, Vector]:
     """Return two rows for each part, where each column is lowest and highest, and the last row."""
     if len(time) <= 2 * _PARTS:
         return np.repeat(time[:, None], values.shape[1], axis=1), values
+    # so that curves reach the end of the time
     rows = [np.full((1, values.shape[1]), len(time) - 1)]
     for part in reversed(np.array_split(np.arange(len(time)), _PARTS)):
         ends = part[0] + np.stack([values[part].argmin(axis=0), values[part].argmax(axis=0)])

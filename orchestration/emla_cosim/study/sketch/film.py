@@ -48,15 +48,12 @@ class MachineFilm(Film):
     def __init__(self, movement: Movement) -> None:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-        self._movement, self._choose_rows, self._scene = (
-            movement,
-            _choose_rows(movement),
-            Scene(movement.machine),
-        )
+        self._movement, self._scene = movement, Scene(movement.machine)
+        self._rows = _choose_rows(movement)
         self._postures = self._scene.parts.postures(
-            *(values[self._choose_rows] for values in (movement.strokes, movement.payload, movement.passive))
+            *(values[self._rows] for values in (movement.strokes, movement.payload, movement.passive))
         )
-        speed = (movement.time[-1] - movement.time[0]) / (self.period * len(self._choose_rows))
+        speed = (movement.time[-1] - movement.time[0]) / (self.period * len(self._rows))
         self._speed_label = f", {speed:.2g} x real time" if speed > 1.05 else ""
         curves = build_curves(movement, self._scene.colors)
         figure, axes, panels = machine_and_panels(len(curves), (8.0, 5.0), 100)
@@ -79,22 +76,16 @@ class MachineFilm(Film):
         )
         for artist in self._moving_artists:
             artist.set_animated(True)
+        # once, as all this does not move
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(figure.bbox)
 
     def __len__(self) -> int:
-        return len(self._choose_rows)
+        return len(self._rows)
 
     def __getitem__(self, index: int) -> Pixels:
         """Draw the moving parts in this frame."""
-        self._move(index)
-        self._canvas.restore_region(self._background)
-        for artist in self._moving_artists:
-            artist.draw(self._canvas.get_renderer())
-        return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
-
-    def _move(self, index: int) -> None:
-        movement, row = self._movement, int(self._choose_rows[index])
+        movement, row = self._movement, int(self._rows[index])
         self.polygons = self._scene.paint(self._postures[index])
         self.polygons.update(self._machine)
         self._path_line.set_data(*self._scene.view.flatten(movement.path[: row + 1]).T)
@@ -103,6 +94,10 @@ class MachineFilm(Film):
             for line, time, values in zip(lines, curve.time.T, curve.values.T, strict=True):
                 count = int(np.searchsorted(time, movement.time[row], side="right"))
                 line.set_data(time[:count], values[:count])
+        self._canvas.restore_region(self._background)
+        for artist in self._moving_artists:
+            artist.draw(self._canvas.get_renderer())
+        return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
 
 def _choose_rows(movement: Movement) -> Indices:

@@ -1,7 +1,6 @@
 """What a machine looks like where no outline says it: beams, brackets, plates and pins, from its points."""
 
 import math
-from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -41,6 +40,7 @@ class Layout:
         points = np.array([at[0] for at in model.points(np.array([model.start])).values()])
         size = float(np.linalg.norm(np.ptp(points, axis=0)))
         lengths = [float(plain(bar.length)) for bar in model.mechanism.actuators]
+        # between a size from the reach and one from the actuators: a machine can be large with small ones
         self.unit = math.sqrt(max(size, 1e-3) / _SIZE * float(np.median(lengths)) / _LENGTH)
         self._bodies = {model.ends[name].frame: name for name in (GROUND, *self.machine.bodies)}
 
@@ -115,12 +115,12 @@ class Layout:
             return None
         payload = self.payload(body)
         ends = self.joints(body) + ([] if payload is None else [payload])
-        if self._find_largest_distance(ends) < 0.5 * _PIN_DISTANCE * self.unit:
-            ends += [*self.pins(body), *map(self.point, self._list_point_names(body))]
-        end = max(
-            ends, key=lambda point: float(np.linalg.norm(point)), default=np.zeros(self.model.dimensions)
-        )
         start = np.zeros(self.model.dimensions)
+        # children at its own joint say nothing of its length
+        if np.linalg.norm(max(ends, key=np.linalg.norm, default=start)) < 0.5 * _PIN_DISTANCE * self.unit:
+            names = [f"{body}.{point}" for point in self.machine.points(body)]
+            ends += [*self.pins(body), *map(self.point, names)]
+        end = max(ends, key=np.linalg.norm, default=start)
         if self.kind(body) == "prismatic":
             start = -self._find_overlap(body) * self.axis(body) if self.is_inner(body) else start
         return (start, end) if np.linalg.norm(end - start) > 0.5 * _PIN_DISTANCE * self.unit else None
@@ -135,6 +135,7 @@ class Layout:
         parent = self.machine.bodies[body].joint.parent
         if self.is_inner(body):
             return 0.55 * self.width(parent)
+        # long beams are slender
         return 0.12 * math.sqrt(float(np.linalg.norm(beam[1] - beam[0])) * 1.75 * self.unit)
 
     def is_inner(self, body: str) -> bool:
@@ -160,13 +161,6 @@ class Layout:
         parent = self.machine.bodies[body].joint.parent
         relative_rotation = self._start_frames[parent][1][0].T @ self._start_frames[body][1][0]
         return 0.0 if parent == GROUND else float(self.start(body) @ relative_rotation @ self.axis(body))
-
-    def _list_point_names(self, body: str) -> Iterator[str]:
-        return (f"{body}.{point}" for point in self.machine.points(body))
-
-    @staticmethod
-    def _find_largest_distance(points: list[Vector]) -> float:
-        return max((float(np.linalg.norm(point)) for point in points), default=0.0)
 
     @cached_property
     def _start_frames(self) -> dict[str, tuple[Vector, Vector]]:

@@ -43,10 +43,11 @@ def draw_machine_pictures(
         limits: Limits of the actuators' forces by name; those of others are unknown.
     """
     maps = find_maps(machine, workspace.strokes)
+    levers = [m.levers for m in maps]
     return {
         "machine": _draw_machine(machine, workspace),
         "forces": _draw_forces(machine, maps, limits),
-        "levers": _draw_levers(machine, maps),
+        "levers": _draw_maps(machine, maps, levers, "motion of the tip per stroke / (m/m)", "Greens"),
     }
 
 
@@ -96,6 +97,7 @@ def _draw_forces(machine: "MachineModel", maps: Sequence[Map], limits: Mapping[s
                 continue
             ends = [-1e-3 * force, 1e-3 * force]
             if maps[i].forces.ndim == 1:
+                # a limit far away would flatten the curve
                 if np.nanmax(np.abs(values)) > 0.5e-3 * force:
                     axes.axhline(
                         ends[int(np.nanmean(values) > 0.0)], color=_LIMIT, linewidth=1.4, linestyle=dashes
@@ -111,18 +113,13 @@ def _draw_forces(machine: "MachineModel", maps: Sequence[Map], limits: Mapping[s
     return _draw_maps(machine, maps, values, title if has_limits else "holding force / kN", _BOTH_SIGNS, draw)
 
 
-def _draw_levers(machine: "MachineModel", maps: Sequence[Map]) -> "Figure":
-    title = "motion of the tip per stroke / (m/m)"
-    return _draw_maps(machine, maps, [m.levers for m in maps], title, "Greens", lambda axes, i: None)
-
-
 def _draw_maps(
     machine: "MachineModel",
     maps: Sequence[Map],
     values: Sequence[Vector],
     title: str,
     colors: str,
-    add: "Callable[[Axes, int], None]",
+    add: "Callable[[Axes, int], None]" = lambda axes, i: None,
 ) -> "Figure":
     """Return a figure with a panel for each actuator; `add` adds more to the panel of an actuator."""
     columns = min(len(maps), _MAX_COLUMNS)

@@ -88,6 +88,7 @@ def _find_corner(scene: Scene, postures: list[Posture]) -> tuple[float, float] |
     from matplotlib.path import Path
     from matplotlib.transforms import Bbox
 
+    # intersections are tested in the coordinates of the axes
     low, high = scene.limits(postures)
     lines = [*scene.reach, *(line for posture in postures for line in scene.paint(posture).lines)]
     paths = [Path((line - low) / (high - low)) for line in lines]
@@ -108,6 +109,7 @@ def _draw_path(axes: "Axes", movement: Movement, scene: Scene) -> None:
     axes.plot(*path[rows].T, "o", color=RED, markersize=4, zorder=7)
     low, high = path.min(axis=0), path.max(axis=0)
     is_wide = high[0] - low[0] > high[1] - low[1]
+    # labels of near points would cover each other
     for row in _select_separate(path, rows, 0.3 if is_wide else 0.12):
         offset = (0.0, 6.0) if is_wide else (6.0, 4.0 if row == rows[-1] else -3.0)
         side = "center" if is_wide else "left"

@@ -1,7 +1,7 @@
 """The movement of a machine in a run: its geometry, with strokes, forces and payload over time."""
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -56,12 +56,8 @@ class Movement:
 
     def until(self, row: int) -> "Movement":
         """Return the rows before this one."""
-        reference = None if self.reference is None else self.reference[:row]
-        forces = None if self.forces is None else self.forces[:row]
-        time, strokes, payload, passive = (
-            x[:row] for x in (self.time, self.strokes, self.payload, self.passive)
-        )
-        return Movement(self.machine, time, strokes, payload, passive, reference, forces)
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(self, **{n: x[:row] for n, x in columns.items() if isinstance(x, np.ndarray)})
 
 
 def animated_signals(names: Collection[str], roles: Mapping[str, str]) -> list[str] | None:
@@ -113,6 +109,7 @@ def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None
     names = _find_passive_signals(machine, data, result)
     passive = np.column_stack([data[n] for n in names]) if names else machine.hanging(strokes, payload)
     movement = Movement(machine, data["time"], strokes, payload, passive, reference, forces)
+    # a run that diverges opens its triangles
     broken = np.flatnonzero(~np.isfinite(movement.path).all(axis=1))
     movement = movement.until(broken[0]) if len(broken) else movement
     return movement if len(movement.time) > 1 else None

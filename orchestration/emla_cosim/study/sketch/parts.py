@@ -116,11 +116,8 @@ class MachineParts:
             return
         if layout.is_plate(body):
             pins = np.array([*layout.pins(body), *layout.joints(body)] or [np.zeros(self._model.dimensions)])
-            yield (
-                _build_plate(body, pins, _PLATE * unit)
-                if not is_flat
-                else _build_hull(body, "body", pins, _PLATE * unit)
-            )
+            margin = _PLATE * unit
+            yield _build_hull(body, "body", pins, margin) if is_flat else _build_plate(body, pins, margin)
             return
         beam, width = layout.beam(body), layout.width(body)
         if beam is None:
@@ -137,13 +134,14 @@ class MachineParts:
     def _build_box(self, payload: float) -> Iterator[tuple[str, Part]]:
         """Yield the box of the payload, whose volume is proportional to its mass, and its body.
 
-        Beside a beam or above a plate it stands on it, otherwise it is around the point that carries it.
+        Beside a beam or above a plate it rests on the body; otherwise it is around the point that carries it.
         """
         model, layout = self._model, self._layout
         if model.mechanism.payload is None:
             return
         body = layout.body_of(model.mechanism.payload)
         position = layout.at(model.mechanism.payload)
+        # the volume is proportional to the mass
         growth = math.cbrt(max(payload, 0.0) / (model.payload or 1.0))
         n = model.dimensions
         look, axes, half = "payload", np.eye(n), np.full(n, 0.5 * growth * _BOX * self.unit)
@@ -168,12 +166,8 @@ class MachineParts:
         beam = self._layout.beam(body)
         if beam is not None:
             direction = beam[1] - beam[0]
-            return (
-                distance(position, *beam)[1],
-                direction,
-                self._layout.width(body),
-                float(np.linalg.norm(direction)),
-            )
+            foot, thickness = distance(position, *beam)[1], self._layout.width(body)
+            return foot, direction, thickness, float(np.linalg.norm(direction))
         pins = np.array(self._layout.pins(body) or [position])
         middle = pins.mean(axis=0)
         return middle, position - middle, _PLATE * self.unit, float(np.ptp(pins, axis=0).max())
@@ -216,9 +210,9 @@ class MachineParts:
     def _build_base(self) -> Part:
         """Return the base: around the pins of the ground and its outline, or a foot below the pins."""
         layout, unit = self._layout, self.unit
-        outline = layout.outlines.get(GROUND)
-        if outline is not None and self._model.dimensions == 3:
-            return replace(_build_outlined(GROUND, outline, unit), look="base")
+        corners_of_ground = layout.outlines.get(GROUND)
+        if corners_of_ground is not None and self._model.dimensions == 3:
+            return replace(_build_outlined(GROUND, corners_of_ground, unit), look="base")
         joints = np.array(layout.joints(GROUND) or [np.zeros(self._model.dimensions)])
         pins = layout.pins(GROUND)
         is_free = all(layout.is_plate(body) for body in layout.children(GROUND))
@@ -226,7 +220,9 @@ class MachineParts:
         margin = _OVERHANG * unit
         low, high = supports.min(axis=0) - margin, supports.max(axis=0) + margin
         if self._model.dimensions == 2:
-            feet = np.array([[low[0], low[1]], [high[0], low[1]]]) if outline is None else outline
+            feet = corners_of_ground
+            if feet is None:
+                feet = np.array([[low[0], low[1]], [high[0], low[1]]])
             radii = np.where([not any(np.array_equal(x, p) for p in pins) for x in supports], 0.16, 0.13)
             points, margins = np.concatenate([supports, feet]), np.full(len(feet), _POINT)
             return Part(GROUND, "base", points, np.concatenate([radii * unit, margins]))
@@ -250,15 +246,12 @@ def _build_hull(name: str, look: str, points: Vector, radius: float) -> Part:
     return Part(name, look, points, np.full(len(points), radius))
 
 
-def _build_outlined(body: str, outline: Vector, unit: float) -> Part:
-    if outline.shape[1] == 2:
-        return Part(body, "body", outline, np.zeros(len(outline)))
-    spread = np.linalg.svd(outline - outline.mean(axis=0), compute_uv=False)
-    return (
-        _build_plate(body, outline, 0.0, 0.5 * _PLATE * unit)
-        if spread[-1] < 1e-3 * spread[0]
-        else _build_solid(body, outline)
-    )
+def _build_outlined(body: str, corners: Vector, unit: float) -> Part:
+    if corners.shape[1] == 2:
+        return Part(body, "body", corners, np.zeros(len(corners)))
+    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
+    is_flat = spread[-1] < 1e-3 * spread[0]
+    return _build_plate(body, corners, 0.0, 0.5 * _PLATE * unit) if is_flat else _build_solid(body, corners)
 
 
 def _build_bracket(name: str, beam: tuple[Vector, Vector], pin: Vector, unit: float) -> Part:
@@ -293,6 +286,7 @@ def _build_solid(name: str, points: Vector) -> Part:
         return _build_hull(name, "body", points, 0.0)
     groups = dict[tuple[float, ...], set[int]]()
     for corners, equation in zip(hull.simplices, hull.equations, strict=True):
+        # Qhull divides a plane face into triangles
         groups.setdefault(tuple(np.round(equation, 6)), set()).update(map(int, corners))
     faces = tuple(_sort_around(points, sorted(group), np.array(plane[:3])) for plane, group in groups.items())
     return Part(name, "body", points, np.zeros(len(points)), faces)
@@ -311,6 +305,7 @@ def _find_directions(along: Vector) -> Vector:
     first = along / np.linalg.norm(along)
     if len(first) == 2:
         return np.array([first, [-first[1], first[0]]])
+    # the axis farthest from the direction, so that the product is not small
     helper = np.eye(3)[int(np.argmin(np.abs(first)))]
     second = np.cross(first, helper)
     second = second / np.linalg.norm(second)

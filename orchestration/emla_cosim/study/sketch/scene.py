@@ -111,8 +111,8 @@ class Scene:
             axes.plot(*self.reach[0].T, color=BLUE, alpha=0.6, linewidth=1.2)
             return
         if self.reach:
-            outline = Path.make_compound_path(*(Path(line, closed=True) for line in self.reach))
-            axes.add_patch(PathPatch(outline, facecolor=BLUE, alpha=0.06, linewidth=0))
+            area = Path.make_compound_path(*(Path(line, closed=True) for line in self.reach))
+            axes.add_patch(PathPatch(area, facecolor=BLUE, alpha=0.06, linewidth=0))
         zorder = 2.0 if self.view.toward is None else 4.0  # in space it is around the machine
         for line in self.reach:
             axes.plot(*line.T, color=BLUE, alpha=0.45, linewidth=0.8, zorder=zorder)
@@ -130,11 +130,9 @@ class Scene:
 
     def _draw_ground(self, axes: "Axes") -> None:
         """Draw the surface under the base in the plane."""
-        (left, low), (right, foot) = self._ground
-        axes.plot([left, right], [foot, foot], color=EDGE, linewidth=1.2)
-        axes.fill_between(
-            [left, right], low, foot, facecolor="none", edgecolor=EDGE, hatch="////", linewidth=0
-        )
+        x, (low, foot) = self._ground.T
+        axes.plot(x, [foot, foot], color=EDGE, linewidth=1.2)
+        axes.fill_between(x, low, foot, facecolor="none", edgecolor=EDGE, hatch="////", linewidth=0)
 
     @cached_property
     def _floor(self) -> "_Floor":

@@ -57,6 +57,7 @@ class Workspace:
         pen = ImageDraw.Draw(image)
         for line in _list_faces((flat - corner) * (_OVERSAMPLING / size)):
             pen.polygon(line, fill=255, outline=255)
+        # grey pixels at the edge give outlines between pixels
         values = np.asarray(image.reduce(_OVERSAMPLING), dtype=float)
         lines = contour_generator(z=values).lines(127.0)
         return [corner + size * (np.asarray(line) + 0.5) for line in lines if len(line) > 8]

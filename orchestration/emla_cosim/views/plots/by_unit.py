@@ -1,6 +1,6 @@
 """Plots of systems without metrics: signals by unit, for each part of the system."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -56,6 +56,7 @@ class ByUnit(Drawing):
 
     def _find_group(self, result: "Result") -> Sequence[Group]:
         """Return its group, or nothing if there are fewer groups or the system has metrics."""
+        # systems with metrics have plots of their own
         has_metrics = any(result.metrics.values())
         return [] if has_metrics else group_signals(result)[self.position : self.position + 1]
 
@@ -70,18 +71,18 @@ def group_signals(result: "Result") -> list[Group]:
     """Return the signals of a system without metrics in groups that fit in a plot."""
     units = _format_units(result)
     texts = {name for name, kind in result.types.items() if kind.is_text}
-    changing = [n for n in result.names if n not in texts and _has_changed(result.signals.get(n))]
+    # constant signals say nothing in a plot
+    constant = {name for name, x in result.signals.items() if x["minimum"] == x["maximum"]}
+    changing = [name for name in result.names if name not in texts and name not in constant]
     parts = {"": changing}
+    # the branches of a large system, then the components of a large branch
     for split in (lambda name: name.partition(".")[0], partial(_find_component, result)):
-        parts = {
-            title: signals
-            for parent_title, part_signals in parts.items()
-            for title, signals in (
-                _split_signals(part_signals, split)
-                if len(part_signals) > _MOST_SIGNALS
-                else {parent_title: part_signals}
-            ).items()
-        }
+        split_parts: dict[str, list[str]] = {}
+        for title, signals in parts.items():
+            for name in signals:
+                part = split(name) if len(signals) > _MOST_SIGNALS else title
+                split_parts.setdefault(part, []).append(name)
+        parts = split_parts
     left_out = len(parts) - _MOST_PICTURES
     groups = list[Group]()
     for part, signals in list(parts.items())[:_MOST_PICTURES]:
@@ -95,17 +96,6 @@ def group_signals(result: "Result") -> list[Group]:
 
 def _format_units(result: "Result") -> dict[str, str]:
     return {name: str(unit) for name, unit in result.units.items() if unit is not None}
-
-
-def _has_changed(figures: Mapping[str, float] | None) -> bool:
-    return figures is None or figures["minimum"] != figures["maximum"]
-
-
-def _split_signals(signals: Sequence[str], by: Callable[[str], str]) -> dict[str, list[str]]:
-    signals_by_part: dict[str, list[str]] = {}
-    for name in signals:
-        signals_by_part.setdefault(by(name), []).append(name)
-    return signals_by_part
 
 
 def _find_component(result: "Result", name: str) -> str:

@@ -75,6 +75,7 @@ def read_traces(paths: Sequence[Path]) -> list[Traces]:
     if len(paths) > _MOST_RUNS:
         raise CommandError(f"{len(paths)} runs are too many: a plot shows up to {_MOST_RUNS}.")
     names = [path.resolve().name for path in paths]
+    # folders of the same name need their paths
     labels = names if len(set(names)) == len(names) else [str(path) for path in paths]
     return [_read_trace(path, label) for path, label in zip(paths, labels, strict=True)]
 
@@ -137,6 +138,7 @@ def overlay_runs(
     if begin is not None and end is not None and not begin < end:
         raise CommandError(f"the plot begins at {begin:g} s, which must be before its end, {end:g} s.")
     names = list(dict.fromkeys(name for run in runs for name in run.names))
+    # the first run that has a unit decides
     units = {name: unit for run in reversed(runs) for name, unit in run.units.items()}
     types = {name: kind for run in reversed(runs) for name, kind in run.types.items()}
     texts = [name for name in names if types.get(name, REAL).is_text]
@@ -147,8 +149,14 @@ def overlay_runs(
         if (text := next((p for p in patterns if p in texts), None)) is not None:
             raise CommandError(f"'{text}' has texts, which cannot be plotted.", name=text)
         mains = {run.main for run in runs}
+        # names without component are unique only if all runs have the same main component
         selected = select_names(patterns, names, "signal", mains.pop() if len(mains) == 1 else "")
-        _check_panel_count(selected, units, types, len(runs))
+        needed = len(selected) if len(runs) > 1 else count_panels(selected, units, types)
+        if needed > MOST_PANELS:
+            raise CommandError(
+                f"{len(selected)} signals need {needed} panels, but a plot has at most {MOST_PANELS}; name "
+                f"fewer, such as '{selected[0]}'."
+            )
     else:
         selected, notes = _choose_default_signals(runs, names, units, types)
     notes += [*(note for run in runs for note in run.notes), *_describe_missing(runs, selected)]
@@ -194,17 +202,6 @@ def _read_texts(content: Any, key: str) -> dict[str, str]:
     """Return texts by name from a part of a record, or nothing if it has other content."""
     entries = content.get(key) if isinstance(content, dict) else None
     return {n: t for n, t in entries.items() if isinstance(t, str)} if isinstance(entries, dict) else {}
-
-
-def _check_panel_count(
-    selected: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType], runs: int
-) -> None:
-    needed = len(selected) if runs > 1 else count_panels(selected, units, types)
-    if needed > MOST_PANELS:
-        raise CommandError(
-            f"{len(selected)} signals need {needed} panels, but a plot has at most {MOST_PANELS}; name "
-            f"fewer, such as '{selected[0]}'."
-        )
 
 
 def _choose_default_signals(

@@ -61,6 +61,7 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
         [row for row in rows if has_changes(row)],
         [row for row in rows if not has_changes(row)],
     )
+    # a system at rest still has a plot
     if not changing_rows:
         changing_rows, constant_rows = constant_rows, []
     shares_time = [*(upper[0].part == lower[0].part for upper, lower in pairwise(changing_rows)), False]
@@ -173,6 +174,7 @@ def _shade(axes: "Axes", limit: Limit) -> "Artist":
 
     bottom, top = axes.get_ylim()
     if limit.high is not None:
+        # so that a limit above the curves is visible as an area
         top = max(top, limit.high + 0.06 * (top - bottom))
         axes.axhspan(limit.high, top, **_SHADE)
     if limit.low is not None:

@@ -174,6 +174,7 @@ class Picture(Drawing):
 
         def severity(name: str) -> tuple[bool, float]:
             value = metrics[name].get(self.worst, 0.0)
+            # a joint without an error is at least as bad as one with a large one
             return metrics[name].get(HELD) is False, math.inf if math.isnan(value) else float(value)
 
         return sorted(metrics, key=severity, reverse=True)[:MOST_COLUMNS]
@@ -203,6 +204,7 @@ class Picture(Drawing):
 
         time = data["time"]
         kind, metric = panel.since or (self.of, EVALUATED_FROM)
+        # of the load where it has its own, of the joint elsewhere
         since = result.metrics.get(kind, {}).get(column, {}).get(metric)
         rows = _select_rows(time, panel.part, _find_settled_start(since, time))
         lines = []

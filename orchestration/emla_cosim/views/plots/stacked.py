@@ -122,6 +122,7 @@ def group_by_unit(
 
 def number_line(number: int, label: str, time: Vector, values: Vector, kind: SignalType = REAL) -> Line:
     """Return a line with the style for its number: colours first, then dashes. Discrete values make steps."""
+    # after all colours once, dashes distinguish the same colours
     dashed = number // len(COLORS) % 2 == 1
     return Line(label, time, values, COLORS[number % len(COLORS)], dashed, kind.is_discrete)
 
@@ -137,6 +138,7 @@ def draw_stacked(panels: Sequence[Plot], title: str | None, layout: Layout = LAY
     columns = 2 if len(panels) > _TALLEST and not layout.above else 1
     is_titled = len({panel.column for panel in panels}) > 1
     height = layout.height + max((_measure_legend(panel, layout, is_titled) for panel in panels), default=0.0)
+    # papers need smaller letters than screens
     with rc_context({"font.size": layout.text, "axes.labelsize": layout.text}):
         figure, grid = new_figure(-(-len(panels) // columns), columns, layout.width - 1.2, height)
         axes = list(grid.flat)
@@ -161,7 +163,7 @@ def shorten_name(name: str) -> str:
 
 
 def _measure_legend(panel: Plot, layout: Layout, is_titled: bool) -> float:
-    """Return the height in inches that legends above panels need beyond the usual two lines."""
+    """Return the height in inches that legends above panels need beyond two lines."""
     if not layout.above or not panel.lines:
         return 0.0
     labels = [shorten_name(line.label) for line in panel.lines]

@@ -85,7 +85,7 @@ def add_legend(
 
     Args:
         axes: The axes.
-        entries: Labels, and what stands for each; no legend without any.
+        entries: Labels and their artists; no legend without any.
         width: Width in inches of a legend above the axes; default: it is beside them.
         title: Text above the entries.
     """
@@ -94,6 +94,7 @@ def add_legend(
     columns = 0 if width is None else count_legend_columns([label for label, _ in entries], width)
     legend = axes.legend(
         [handle for _, handle in entries],
+        # matplotlib leaves out entries that begin with _, and reads $ as mathematics
         ["label"] * len(entries),
         fontsize=8,
         edgecolor="none",
@@ -137,6 +138,7 @@ def save(figure: "Figure", stream: IO[bytes], form: str = "png") -> None:
     options: dict[str, Any] = {"metadata": {creator: _SOFTWARE, **dates}}
     if form == "png":  # the default takes a tenth of the drawing time more, for a sixth less
         options["pil_kwargs"] = {"compress_level": 3}
+    # the same plot has the same bytes, and letters in PDF stay text
     with warnings.catch_warnings(), rc_context({"svg.hashsalt": _SOFTWARE, "pdf.fonttype": 42}):
         warnings.filterwarnings(
             "ignore", "Glyph .* missing from", UserWarning

@@ -30,6 +30,7 @@ def render_page(result: Result, notes: Sequence[str] = ()) -> str:
     connections: Sequence[str] = record.get("connections", ())
     pictures, left_out = picture_plots.build_pictures(result, data, plots)
     verdict, sentences = tables.describe_ending(result)
+    # those outside their tubes first
     compared = sorted(result.comparisons, key=lambda comparison: comparison.inside)[:_MOST_COMPARED]
     return render_template(
         __package__ or "",

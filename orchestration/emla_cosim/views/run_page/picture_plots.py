@@ -59,6 +59,7 @@ def build_pictures(result: Result, data: Mapping[str, Vector], plots: Plots) -> 
     pictures = pictures or [(group.title, group.panels(result, data)) for group in group_signals(result)]
     panels_with_titles = [(title, panel) for title, panels in pictures for panel in panels if panel.lines]
     fitting = panels_with_titles[:_MOST_PANELS]
+    # so that the size of a page is bounded, and short lines keep their shape
     most = int(np.clip(_MOST_POINTS / max(sum(len(panel.lines) for _, panel in fitting), 1), 100, 4000))
     by_title: dict[str, list[Plot]] = {}
     for title, panel in fitting:

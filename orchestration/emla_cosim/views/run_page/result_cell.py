@@ -38,6 +38,7 @@ def render_cell(result: Result) -> str:
         notes=result.notes,
         figures=list(tables.list_figure_tables(result)),
         signal_columns=names,
+        # metrics say more than extremes of signals
         signals=[] if has_metrics else rows,
         more=len(result.signals) - _MOST_SIGNALS,
         idealised=describe_idealisations(result),

@@ -72,6 +72,7 @@ def _add_plots(
     plot_ids = dict[str, str]()
     for group in group_by_unit(names, units, types):
         label = describe_unit(units[group[0]], name_values(types.get(group[0], REAL)))
+        # hidden curves must not widen the axis
         figure = new_figure(label, [time], DataRange1d(only_visible=True))
         entries = []
         for number, name in enumerate(group):
@@ -107,5 +108,5 @@ def _find_points(time: Vector, curves: Sequence[Vector]) -> list[Any]:
 
 
 def _read_figures(figures: Mapping[str, float]) -> dict[str, float | None]:
-    """Return the metrics of a signal; those that are no numbers are None."""
+    """Return the metrics of a signal; those that are not numbers are None."""
     return {name: value if math.isfinite(value := figures.get(name, math.nan)) else None for name in NAMES}

@@ -1,7 +1,7 @@
 """Ending, metrics and settings of a run as texts."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,42 +69,36 @@ def list_figure_tables(result: Result) -> Iterator[FigureTable]:
     """Yield the tables that the terminal also shows."""
     for kind, figures in result.metrics.items():
         if displays := result.shown.get(kind, ()):
-            rows = tuple(
-                (
-                    display.label,
-                    tuple(format_figure(f[display.name], display) for f in figures.values()),
-                    display.unit,
-                )
-                for display in displays
-            )
-            yield FigureTable(kind, tuple(figures), rows)
+            yield _build_table(kind, figures, displays)
     bonds = {name: figures for name, figures in result.coupling.items() if BONDS[0].name in figures}
     if bonds:
-        rows = tuple(
-            (
-                display.label,
-                tuple(format_figure(f[display.name], display) for f in bonds.values()),
-                display.unit,
-            )
-            for display in BONDS
+        yield _build_table("power bonds", bonds, BONDS)
+
+
+def _build_table(
+    kind: str, figures: Mapping[str, Mapping[str, Any]], displays: Iterable[MetricDisplay], title: str = ""
+) -> FigureTable:
+    rows = tuple(
+        (
+            display.label,
+            tuple(format_figure(f[display.name], display) for f in figures.values()),
+            display.unit,
         )
-        yield FigureTable("power bonds", tuple(bonds), rows)
+        for display in displays
+    )
+    return FigureTable(kind, tuple(figures), rows, title)
 
 
 def list_margin_tables(result: Result) -> Iterator[FigureTable]:
     """Yield the table of stability margins that the run was given, if there are any."""
     if (margins := result.record.get("margins")) is not None:
-        loops: Mapping[str, Mapping[str, float | None]] = margins["loops"]
-        rows = tuple(
-            (
-                display.label,
-                tuple(_format_margin(of.get(display.name), display) for of in loops.values()),
-                display.unit,
-            )
-            for display in MARGINS
-        )
+        nothing = dict.fromkeys((display.name for display in MARGINS), math.nan)
+        loops = {
+            name: nothing | {n: x for n, x in loop.items() if x is not None}
+            for name, loop in margins["loops"].items()
+        }
         title = f"Stability margins of {margins['scenario']} at {margins['at_s']:g} s"
-        yield FigureTable("margins", tuple(loops), rows, title)
+        yield _build_table("margins", loops, MARGINS, title)
 
 
 def list_profile_tables(result: Result) -> Iterator[FigureTable]:
@@ -112,10 +106,6 @@ def list_profile_tables(result: Result) -> Iterator[FigureTable]:
     if profile_rows := list_profile_rows(result, MOST):
         rows = tuple((row.name, row.values, "") for row in profile_rows)
         yield FigureTable("profile", PROFILE_COLUMNS, rows, "Where the time went")
-
-
-def _format_margin(value: float | None, figure: MetricDisplay) -> str:
-    return format_figure(math.nan if value is None else value, figure)
 
 
 def list_settings(result: Result) -> list[tuple[str, str]]:
