@@ -57,6 +57,7 @@ def _add_plots(comparison: Comparison, plots: Plots) -> tuple[str, str]:
     """Add a plot of the values and one of the deviations, which shows also a thin tube."""
     time, base = comparison.time, _interpolate(comparison)
     color = BLUE if comparison.inside else RED
+    # beside the values themselves, a thin tube would not be visible
     deviations = [
         mask_undrawable(curve) - base for curve in (comparison.values, comparison.lower, comparison.upper)
     ]

@@ -51,6 +51,7 @@ def condense_curves(time: Vector, curves: Sequence[Vector], most: int) -> np.nda
         edges = np.flatnonzero(np.diff(finite))
         edges = edges[:: 1 + len(edges) * len(curves) // max(most // 4, 1)]
         retained = np.unique(np.concatenate([retained, edges, edges + 1]))
+        # gaps are bridged, so that there is a deviation only where there are values
         filled.append(np.where(finite, curve, np.interp(time, time[finite], curve[finite])))
     while (room := most - len(retained)) > 0:
         errors = [np.abs(curve - np.interp(time, time[retained], curve[retained])) for curve in filled]

@@ -153,9 +153,8 @@ def _check_effects(plant: _Plant, *effects: _Effect) -> Iterator[Idealisation]:
 
 def _check_friction(plant: _Plant) -> Iterator[Idealisation]:
     coulomb: dict[str, str] = {"F_C": _VALUE, "F_S": _VALUE}
-    viscous: dict[str, str] = {"B_BS": _VALUE}
-    if plant.is_off(*coulomb, *viscous):
-        option = plant.option(coulomb | viscous)
+    if plant.is_off(*coulomb, "B_BS"):
+        option = plant.option(coulomb | {"B_BS": _VALUE})
         yield Idealisation("friction", "no friction", "The screw has no friction.", option, _DRIVE)
     elif plant.is_off(*coulomb):
         sentence, option = "The friction of the screw is viscous only.", plant.option(coulomb)
@@ -217,10 +216,5 @@ def _check_losses(plant: _Plant) -> Iterator[Idealisation]:
 
 def _check_torque(plant: _Plant) -> Iterator[Idealisation]:
     if plant.value("ideal_torque") > 0.0:
-        yield Idealisation(
-            "torque",
-            "ideal torque",
-            "The motor makes the commanded torque at once, whatever its currents are.",
-            plant.option({"ideal_torque": "false"}),
-            "",
-        )
+        sentence = "The motor makes the commanded torque at once, whatever its currents are."
+        yield Idealisation("torque", "ideal torque", sentence, plant.option({"ideal_torque": "false"}), "")

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import Vector, read_stored_array
-from ..recorders.metrics import Figures, MetricDisplay, Metrics
+from ..recorders.metrics import Figures, MetricDisplay
 from ..recorders.recorder import Outline
 from .criteria import EVALUATED_AFTER, TOO_SHORT, criteria_of, format_length
 from .roles import RoleNames, describe_error, find_all_joints, find_values, find_variable
-from .settling import Settling
+from .settling import Settling, VerdictMetrics
 
 _ROUNDING = 1e-9
 """Tolerance in s for equal times."""
@@ -101,30 +101,24 @@ def create_load_metrics(context: Outline) -> "LoadMetrics | None":
     return LoadMetrics(loads, criteria)
 
 
-class LoadMetrics(Metrics):
+class LoadMetrics(VerdictMetrics):
     """Figures by joint; they count from when joint and load have settled, or from 0.3 s."""
 
     shown = (MetricDisplay("load_within_window", "load within window"), *_DISPLAYS)
 
     def __init__(self, loads: Sequence[WatchedLoad], criteria: Mapping[str, float | str]) -> None:
         """Take the loads to watch, and values of the option `criteria`."""
+        super().__init__([load.joint for load in loads])
         self._loads = loads
-        self._joints = [load.joint for load in loads]
         self._columns = np.array([load.columns for load in loads]).T
         criteria_by_joint = criteria_of(self._joints, criteria)
         self._windows = [criteria_by_joint[joint].position_window for joint in self._joints]
         self._settling = Settling([criteria_by_joint[joint] for joint in self._joints])
         self._load_settling = Settling([criteria_by_joint[joint] for joint in self._joints])
-        self._start = self._last = np.nan
-        self._first, self._final = np.full((2, len(self._joints)), np.nan)
-        """First and last position error of each load in m."""
         self._largest_at = np.full(len(self._joints), np.nan)
         """When the position error was largest, in s."""
-        self._not_finite = np.full(len(self._joints), np.nan)
-        """When the position error was first not finite, in s."""
         self._limited_at = np.full(len(self._joints), np.nan)
         """When the correction by the feedback was first at its limit, in s."""
-        self._end_problem: str | None = None
         self._evaluated_from = np.full(len(self._joints), np.nan)
         self._highest, self._lowest, self._deflection = np.full((3, len(self._joints)), np.nan)
         """Largest and smallest position error, and largest deflection, in m."""
@@ -141,8 +135,7 @@ class LoadMetrics(Metrics):
             size = np.abs(error)
             self._settling.write(time, np.abs(x_L - x_c))
             self._load_settling.write(time, size)
-        for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(error).all(axis=1)):
-            self._not_finite[joint] = float(time[(~np.isfinite(error[joint])).argmax()])
+        self._find_not_finite(time, error)
         for number, load in enumerate(self._loads):
             if load.correction is not None and load.limit > 0.0 and math.isnan(self._limited_at[number]):
                 at_limit = np.abs(rows[:, load.correction]) >= load.limit
@@ -233,20 +226,6 @@ class LoadMetrics(Metrics):
         # the screw has a reason of its own until it has settled
         has_verdict = self._settling.is_settled(number) or not math.isnan(self._not_finite[number])
         return self._describe_problem(number) if has_verdict else None
-
-    @property
-    def joints(self) -> list[str]:
-        """The joints with a load that is not rigid."""
-        return list(self._joints)
-
-    @property
-    def _is_short(self) -> bool:
-        """Whether the run is too short for a verdict."""
-        return not self._last - self._start > EVALUATED_AFTER + _ROUNDING
-
-    def ended_early(self, problem: str) -> None:
-        """Give no load a verdict, because the run ended before its stop time."""
-        self._end_problem = problem
 
     def memory(self) -> Any:
         """Return the state as plain data."""

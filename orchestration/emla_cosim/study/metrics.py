@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
-from ..recorders.metrics import HELD, Figures, MetricDisplay, Metrics
+from ..recorders.metrics import HELD, Figures, MetricDisplay
 from ..recorders.recorder import Outline
 from .criteria import EVALUATED_AFTER, TOO_SHORT, criteria_of, format_length
 from .heat import HeatWatch
@@ -29,7 +29,7 @@ from .roles import (
     find_variable,
     list_joints_with_roles,
 )
-from .settling import Settling
+from .settling import Settling, VerdictMetrics
 from .tracking import AT_REST, FOLLOWING, OBSERVER, POSITION, SPEED, STANDSTILL, TORQUE, Tracking
 
 # as in the paper; used only for the comparison with its Tables VI and VIII
@@ -140,7 +140,7 @@ def create_joint_metrics(context: Outline) -> "JointMetrics | None":
     return metrics if metrics.joints else None
 
 
-class JointMetrics(Metrics):
+class JointMetrics(VerdictMetrics):
     """Figures by joint; the joint is the part of a signal's name before the first dot.
 
     Joints need position, speed, torque and reference to have metrics; those in `roles` need only position and
@@ -186,7 +186,7 @@ class JointMetrics(Metrics):
             for joint, by_role in candidates.items()
             if all(by_role[role] is not None for role in (_TRACKED if joint in with_roles else _REQUIRED))
         }
-        self._joints = list(signals)
+        super().__init__(list(signals))
         self._criteria = criteria_of(self._joints, criteria or {})
         joint_criteria = [self._criteria[joint] for joint in self._joints]
         # signals that a joint lacks are read from an added column of NaN
@@ -244,17 +244,12 @@ class JointMetrics(Metrics):
             ]
         )
         count = len(self._joints)
-        self._start = self._last = np.nan
         self._rows = 0
-        self._first, self._final = np.full((2, count), np.nan)
-        """First and last position error in m."""
         self._last_outside = np.full(count, np.nan)
         """When the position error was last beyond 5 % of the first one, in s."""
         self._last_reference = np.full(count, np.nan)
         self._evaluated_from = np.full(count, np.nan)
         self._limited = np.zeros(count)
-        self._not_finite = np.full(count, np.nan)
-        """When the position error was first not finite, in s."""
         self._peak = np.where(self._missing[_ROLES.index("tau_m")], np.nan, 0.0)
         # a plant whose torque is the commanded one has no drive that could trip
         self._has_drive = [
@@ -262,17 +257,6 @@ class JointMetrics(Metrics):
         ]
         self._at_trip = np.full((len(_ROLES), count), np.nan)
         """Signals of each joint when it tripped."""
-        self._end_problem: str | None = None
-
-    @property
-    def joints(self) -> list[str]:
-        """The joints that have metrics."""
-        return list(self._joints)
-
-    @property
-    def _is_short(self) -> bool:
-        """Whether the run is too short for a verdict."""
-        return not self._last - self._start > EVALUATED_AFTER + _ROUNDING
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
@@ -315,10 +299,7 @@ class JointMetrics(Metrics):
             outside = np.flatnonzero(distance[joint] > CONVERGED_WITHIN * self._first[joint])
             if len(outside):
                 self._last_outside[joint] = float(time[outside[-1]])
-        # asked of the whole block first, as nearly all blocks are finite
-        if not np.isfinite(distance).all():
-            for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(distance).all(axis=1)):
-                self._not_finite[joint] = float(time[(~np.isfinite(distance[joint])).argmax()])
+        self._find_not_finite(time, distance)
         self._peak = np.fmax(self._peak, torques.max(axis=1))
         self._limited += count_true_per_row(limited)
         self._rows += len(rows)
@@ -390,10 +371,6 @@ class JointMetrics(Metrics):
                 part = tuple(value[joints, start:] for value in values)
                 flags = is_moving[joints, start:], limited[joints, start:]
                 self._tracking.write(joints, time[start:], steps[start:], part, *flags)
-
-    def ended_early(self, problem: str) -> None:
-        """Mark all joints as not held, because the run ended before its stop time."""
-        self._end_problem = problem
 
     def memory(self) -> Any:
         """Return the state as plain data."""

@@ -1,4 +1,4 @@
-"""Settling of joints: within their position window for their window time."""
+"""Settling of joints: within their position window for their window time. Metrics that need it."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,10 +6,45 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import Vector, read_stored_array
-from .criteria import Criteria
+from ..recorders.metrics import Metrics
+from .criteria import EVALUATED_AFTER, Criteria
 
 _ROUNDING = 1e-9
 """Relative tolerance of errors, and tolerance of times in s, in comparisons."""
+
+
+class VerdictMetrics(Metrics):
+    """Base of metrics with a verdict for each joint."""
+
+    def __init__(self, joints: Sequence[str]) -> None:
+        self._joints = list(joints)
+        self._start = self._last = np.nan
+        self._first, self._final = np.full((2, len(joints)), np.nan)
+        """First and last position error in m."""
+        self._not_finite = np.full(len(joints), np.nan)
+        """When the position error was first not finite, in s."""
+        self._end_problem: str | None = None
+
+    @property
+    def joints(self) -> list[str]:
+        """The joints that have these metrics."""
+        return list(self._joints)
+
+    @property
+    def _is_short(self) -> bool:
+        """Whether the run is too short for a verdict."""
+        return not self._last - self._start > EVALUATED_AFTER + _ROUNDING
+
+    def ended_early(self, problem: str) -> None:
+        """Give no joint a good verdict, because the run ended before its stop time."""
+        self._end_problem = problem
+
+    def _find_not_finite(self, time: Vector, errors: Vector) -> None:
+        """Record when position errors, of shape (joints, rows), are first not finite."""
+        if np.isfinite(errors).all():  # as in nearly all blocks
+            return
+        for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(errors).all(axis=1)):
+            self._not_finite[joint] = float(time[(~np.isfinite(errors[joint])).argmax()])
 
 
 class Settling:

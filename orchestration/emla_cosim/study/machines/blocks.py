@@ -18,8 +18,6 @@ from machine_fmu import Machine, MachineError, Trajectory, write_module
 from machine_fmu.actuators import actuator_values
 
 from ...base.errors import CommandError, RunError, check_choice
-from ...base.files import read_text
-from ...base.toml_structs import read_toml
 from ...base.values import convert_value
 from ..joints.built_in import list_joint_names, load_actuator
 from .schema import (
@@ -27,8 +25,7 @@ from .schema import (
     build_machine,
     list_machine_names,
     load_machine,
-    machines_folder,
-    read_machine_text,
+    read_machine_content,
 )
 
 MANIPULATOR = "hdrm"
@@ -120,16 +117,10 @@ def read_machine_blocks(machine: str | Path) -> MachineBlocks:
         >>> Instance(blocks.load())["x_L"]
         [0.244, 0.389, 0.499]
     """
-    if is_machine_file(machine):
-        path = Path(machine)
-        name, folder, label = path.stem, path.parent, f"the machine '{path}'"
-        text = read_text(path, "the machine")
-    else:
-        name, folder, label = str(machine), machines_folder(), f"the machine '{machine}'"
-        text = read_machine_text(name)
     from .machine_joints import find_joint  # loads NumPy
 
-    table = convert_value(read_toml(text, label), MachineTable, label, folder)
+    content, label, name, folder = read_machine_content(machine)
+    table = convert_value(content, MachineTable, label, folder)
     joints = [find_joint(actuator, x.joint, label, folder) for actuator, x in table.actuators.items()]
     emlas = [joint.emla for joint in joints if joint is not None]
     built = build_machine(table, label, folder)

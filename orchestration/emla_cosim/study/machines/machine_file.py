@@ -12,15 +12,14 @@ from fmublock.noise import MODULUS
 from machine_fmu import Machine, start_strokes
 
 from ...base.errors import CommandError
-from ...base.files import read_text
 from ...base.option import RUN
-from ...base.toml_structs import describe, extend_struct, list_given, read_toml
+from ...base.toml_structs import describe, extend_struct, list_given
 from ...base.values import convert_value
 from ...run.scenarios.option_fields import with_options
 from ..joints.schema import JointFile
 from .machine_joints import is_path, require_joint
 from .motion import Motion, read_motion_table
-from .schema import KIND, MachineTable, build_machine, machines_folder, read_machine_text
+from .schema import KIND, MachineTable, build_machine, read_machine_content
 
 COMPONENTS = "machine"
 """Start of the names of the components of a machine itself."""
@@ -76,19 +75,14 @@ def load_machine_file(name: str | Path) -> MachineFile:
     Raises:
         CommandError: There is no such machine, or an entry of its file is unknown, missing or wrong.
     """
-    path = Path(name)
-    if is_path(str(name)):
-        label = f"the machine '{path}'"
-        return parse_machine_file(
-            read_toml(read_text(path, "the machine"), label), label, path.stem, path.parent
-        )
-    return _load_built_in(str(name))
+    return (
+        parse_machine_file(*read_machine_content(name)) if is_path(str(name)) else _load_built_in(str(name))
+    )
 
 
 @cache
 def _load_built_in(name: str) -> MachineFile:
-    label = f"the machine '{name}'"
-    return parse_machine_file(read_toml(read_machine_text(name), label), label, name, machines_folder())
+    return parse_machine_file(*read_machine_content(name))
 
 
 def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder: Path) -> MachineFile:

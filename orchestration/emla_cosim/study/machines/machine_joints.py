@@ -1,6 +1,5 @@
 """The joints of a machine's actuators: their data sheets and gains, from joint files."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
@@ -9,15 +8,6 @@ from ...base.errors import CommandError, join_names
 from ...base.files import read_text
 from ...base.toml_structs import read_toml
 from ..joints.schema import JointFile, list_joint_names, load_joint, parse_joint
-
-
-@dataclass(frozen=True)
-class SheetValues:
-    """What a joint file says of an actuator: masses in kg, and the ends of its stroke in m."""
-
-    m: float
-    motor_m: float
-    stroke: tuple[float, float] | None
 
 
 def is_path(joint: str | None) -> bool:
@@ -57,19 +47,6 @@ def find_joint(actuator: str, joint: str | None, label: str, folder: Path | None
             joint=name,
         )
     return msgspec.structs.replace(load_joint(name), name=actuator)
-
-
-def read_joint_values(actuator: str, joint: str | None, label: str, folder: Path | None) -> SheetValues:
-    """Return what the joint of an actuator says; masses of 0, and no stroke, without a joint.
-
-    Raises:
-        CommandError: As `find_joint`.
-    """
-    joint_file = find_joint(actuator, joint, label, folder)
-    if joint_file is None:
-        return SheetValues(0.0, 0.0, None)
-    emla = joint_file.emla
-    return SheetValues(emla.M_BS, joint_file.actuator.values.get("motor.m", 0.0), (emla.q_LB, emla.q_UB))
 
 
 def require_joint(actuator: str, joint: str | None, label: str, folder: Path | None) -> JointFile:

@@ -27,6 +27,7 @@ from machine_fmu.description import JointKind
 from machine_fmu.naming import name_numbers
 
 from ...base.errors import CommandError, check_choice
+from ...base.files import read_text
 from ...base.table_entries import unknown_entry
 from ...base.toml_structs import describe, dotted, quantity, read_toml
 from ...base.values import convert_value
@@ -228,8 +229,26 @@ def read_machine_text(name: str) -> str:
 @cache
 def load_machine(name: str) -> Machine:
     """Return a machine by name; raise CommandError for an unknown name or an error in the file."""
-    label = f"the machine '{name}'"
-    return parse_machine(read_toml(read_machine_text(name), label), label, machines_folder())
+    content, label, _, folder = read_machine_content(name)
+    return parse_machine(content, label, folder)
+
+
+def read_machine_content(machine: str | Path) -> tuple[dict[str, Any], str, str, Path]:
+    """Read a machine file, or one that comes with the study.
+
+    Args:
+        machine: Path of a file that ends in .toml, or the name of a built-in machine.
+
+    Returns:
+        The content, the label in error messages, the name of the machine, and the folder of relative paths.
+
+    Raises:
+        CommandError: The file or the machine does not exist, or is not TOML.
+    """
+    label, path = f"the machine '{machine}'", Path(machine)
+    if path.suffix.lower() == ".toml":
+        return read_toml(read_text(path, "the machine"), label), label, path.stem, path.parent
+    return read_toml(read_machine_text(str(machine)), label), label, str(machine), machines_folder()
 
 
 def machines_folder() -> Path:
@@ -340,11 +359,14 @@ def _build_body(table: BodyTable) -> Body:
 def _build_actuator(name: str, table: ActuatorTable, label: str, folder: Path | None) -> Actuator:
     m, motor_m, stroke = table.m, table.motor_m, table.stroke
     if m is None or motor_m is None or stroke is None:
-        from .machine_joints import read_joint_values  # loads the tables of controllers
+        from .machine_joints import find_joint  # loads the tables of controllers
 
-        values = read_joint_values(name, table.joint, label, folder)
-        m, motor_m = values.m if m is None else m, values.motor_m if motor_m is None else motor_m
-        stroke = values.stroke if stroke is None else stroke
+        joint = find_joint(name, table.joint, label, folder)
+        values = {} if joint is None else joint.actuator.values
+        m = (0.0 if joint is None else joint.emla.M_BS) if m is None else m
+        motor_m = values.get("motor.m", 0.0) if motor_m is None else motor_m
+        if stroke is None and joint is not None:
+            stroke = [joint.emla.q_LB, joint.emla.q_UB]
         if stroke is None:
             raise CommandError(
                 f"[actuators.{name}] of {label} has neither stroke nor joint; write stroke, or a joint whose "
