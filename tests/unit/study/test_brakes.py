@@ -53,9 +53,8 @@ def test_joint_is_held_without_current(
     assert not slip.any()
     assert np.abs(x_L[t > START] - 0.27).max() < 2e-5
     figures = result.metrics["brakes"]["arm"]
-    assert figures["release_error_m"] < 1e-5 and figures["hold_time_s"] == pytest.approx(
-        END - START, abs=1e-3
-    )
+    assert figures["release_error_m"] < 1e-5
+    assert figures["hold_time_s"] == pytest.approx(END - START, abs=1e-3)
     holding_currents = i_q[(t > 1.2) & (t < 1.3)]
     assert figures["hold_copper_loss_J"] < 0.5 * 1.5 * 0.14 * np.mean(holding_currents**2) * (END - START)
 
@@ -103,14 +102,8 @@ def test_metrics_continue_from_their_memory() -> None:
     def metrics() -> BrakeMetrics:
         return BrakeMetrics(["arm"], [[1, 2, 3, 4, 5, 6, 7]], [60.0], [0.1])
 
-    rows = np.array(
-        [
-            [0.0, 0, 0, 0.5, 0.5, 2, 0, 0],
-            [0.1, 1, 0, 0.5, 0.5, 2, 1, 0],
-            [0.2, 1, 1, 0.5, 0.4, 2, 1, 1e-3],
-            [0.3, 0, 0, 0.5, 0.4, 3, 0, 2e-3],
-        ]
-    )
+    text = "0 0 0 .5 .5 2 0 0; .1 1 0 .5 .5 2 1 0; .2 1 1 .5 .4 2 1 1e-3; .3 0 0 .5 .4 3 0 2e-3"
+    rows = np.array([row.split() for row in text.split(";")], dtype=float)
     uninterrupted, first, second = metrics(), metrics(), metrics()
     uninterrupted.write(rows)
     first.write(rows[:2])

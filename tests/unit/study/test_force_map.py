@@ -27,6 +27,7 @@ def boom(dimensions: int = 2) -> Machine:
     """A boom without mass about the origin, with its pin at ARM, an actuator from FOOT below, and a load."""
     up = (0.0, -FOOT) if dimensions == 2 else (0.0, 0.0, -FOOT)
     more = [] if dimensions == 2 else [0.0]
+    ram = {"from": "ground.foot", "to": "boom.pin", "length": REST, "stroke": [0.0, STROKE]}
     content = {
         "kind": "machine",
         "description": "",
@@ -39,9 +40,7 @@ def boom(dimensions: int = 2) -> Machine:
                 "points": {"pin": [ARM, 0.0, *more], "end": [REACH, 0.0, *more]},
             }
         },
-        "actuators": {
-            "ram": {"from": "ground.foot", "to": "boom.pin", "length": REST, "stroke": [0.0, STROKE]}
-        },
+        "actuators": {"ram": ram},
         "payload": {"at": "boom.end", "m": MASS},
     }
     return parse_machine(content, "the boom")
@@ -95,12 +94,8 @@ def test_maps_are_over_the_two_strokes_that_matter() -> None:
 def test_machines_are_described_and_drawn(name: str) -> None:
     info = collect_machine(load_machine(name), limits={"lift": ForceLimits(30e3, 60e3)})
     assert info.degrees_of_freedom == {"hdrm": 3, "lift_table": 1, "stewart": 6}[name]
-    methods = {
-        "hdrm": [TRIANGLE, TRIANGLE, SLIDE],
-        "lift_table": [TRIANGLE, NEWTON, NEWTON],
-        "stewart": [NEWTON],
-    }
-    assert [closure.method for closure in info.closures] == methods[name]
+    methods = {"hdrm": [TRIANGLE, TRIANGLE, SLIDE], "lift_table": [TRIANGLE, NEWTON, NEWTON]}
+    assert [closure.method for closure in info.closures] == methods.get(name, [NEWTON])
     assert all(x.lowest_force <= x.start_force <= x.highest_force for x in info.actuators)
     content = info.as_dict()
     assert content["actuators"][0]["name"] == info.actuators[0].name
@@ -111,10 +106,10 @@ def test_machines_are_described_and_drawn(name: str) -> None:
 
 def test_changed_numbers_change_forces() -> None:
     machine = load_machine("hdrm")
-    usual, heavy, bare = (
+    default, heavy, bare = (
         collect_machine(machine, {"inner_boom.m": m}, p) for m, p in [(60, 470), (90, 470), (60, 0)]
     )
-    assert heavy.actuators[0].start_force > usual.actuators[0].start_force > bare.actuators[0].start_force
+    assert heavy.actuators[0].start_force > default.actuators[0].start_force > bare.actuators[0].start_force
     assert bare.payload == 0.0
 
 

@@ -16,7 +16,7 @@ from emla_cosim.views.idealisations import describe_idealisations
 from emla_fmu import EmlaCompliantPlant, EmlaMotor, EmlaPlant
 from fmublock import Block
 from tests.support.commands import Emla
-from tests.support.paths import FOREIGN_MAPPING, ROOT
+from tests.support.paths import FOREIGN_MAPPING
 
 RIGID = {"compliance", "backlash"}
 SWITCHES = {
@@ -63,8 +63,8 @@ def test_plant_with_its_defaults() -> None:
     [(name, x) for name, names in SWITCHES.items() for x in sorted(names) if x != "screw.B_BS"],
 )
 def test_each_of_its_options_removes_an_idealisation(name: str, parameter: str) -> None:
-    usual = values_of(EmlaPlant, "j.plant")
-    assert names_of(usual | {f"j.plant.{parameter}": 1e-6}) == {*SWITCHES, *RIGID} - {name}
+    default = values_of(EmlaPlant, "j.plant")
+    assert names_of(default | {f"j.plant.{parameter}": 1e-6}) == {*SWITCHES, *RIGID} - {name}
 
 
 def test_viscous_friction_leaves_out_coulomb_friction() -> None:
@@ -98,13 +98,13 @@ def test_compliant_plant(stiffness: float, backlash: float, expected: set[str]) 
 
 def test_joint_of_a_machine() -> None:
     """Its mechanical half is an element of the machine's plant, which cannot be replaced joint by joint."""
-    usual = values_of(EmlaMotor, "tilt.motor") | values_of(MODELS["HdrmPlant"], "machine.plant", 2)
+    default = values_of(EmlaMotor, "tilt.motor") | values_of(MODELS["HdrmPlant"], "machine.plant", 2)
     roles = {"tilt.x_d": "machine.trajectory.x_d[2]"}
-    items = {item.name: item.option for item in list_idealisations("tilt", usual, roles)}
+    items = {item.name: item.option for item in list_idealisations("tilt", default, roles)}
     assert items.keys() == {*SWITCHES, *RIGID} - {"losses"}  # this plant has no such switch
     assert items["friction"] == "--set machine.plant.screw.B_BS[2]=VALUE"
     assert items["lead"].startswith("--set tilt.motor.screw.lead_error=") and items["compliance"] == ""
-    moving = list_idealisations("tilt", usual | {"machine.plant.screw.B_BS[2]": 5.0}, roles)
+    moving = list_idealisations("tilt", default | {"machine.plant.screw.B_BS[2]": 5.0}, roles)
     assert "friction" not in {item.name for item in moving}
 
 
@@ -119,21 +119,6 @@ def line_of(text: str) -> str:
     return line
 
 
-def test_data_sheet_without_friction_lead_error_and_stiffness(emla: Emla) -> None:
-    """The error of such a joint is small because of what it idealises, which stands beside it."""
-    sheet = f"prototype={ROOT / 'docs/actuator.toml'}"
-    result = emla(
-        "run", "prototype", "--actuator", sheet, "--stop-time", "0.4", "--no-plots", "--output", "o"
-    )
-    assert result.exit_code == 0, result.output
-    line = line_of(result.stdout)
-    assert line.startswith("Idealised: no Coulomb friction, exact lead, rigid, no backlash, ")
-    assert line.endswith("study-compliant; metrics.json has the option for each)")
-    listed = json.loads(Path("o/metrics.json").read_text())["joints"]["prototype"]["idealised"]
-    assert [entry["label"] for entry in listed] == line[len("Idealised: ") : line.index(" (")].split(", ")
-    assert all(entry["sentence"].endswith(".") for entry in listed)
-
-
 def test_options_in_metrics_remove_what_they_are_for(emla: Emla, fmu_folder: Path) -> None:
     run = ("run", "lift", "--stop-time", "0.01", "--no-plots", "--output", "o")
     assert emla(*run).exit_code == 0
@@ -146,13 +131,11 @@ def test_options_in_metrics_remove_what_they_are_for(emla: Emla, fmu_folder: Pat
     ]
     changed = emla(*run, *arguments)
     assert changed.exit_code == 0, changed.output
-    assert line_of(changed.stdout).startswith(
-        "Idealised: rigid, no backlash (typical values: study-compliant; "
-    )
+    expected = "Idealised: rigid, no backlash (typical values: study-compliant; "
+    assert line_of(changed.stdout).startswith(expected)
     (option,) = {entry["option"] for entry in listed if entry["name"] in RIGID}
-    assert (
-        option == f"--replace lift.plant={fmu_path('EmlaCompliantPlant', 'native', Path('fmus')).as_posix()}"
-    )
+    built = fmu_path("EmlaCompliantPlant", "native", Path("fmus")).as_posix()
+    assert option == f"--replace lift.plant={built}"
     plant = fmu_path("EmlaCompliantPlant", "native", fmu_folder)
     backlash = ("--set", "lift.plant.transmission.backlash=1e-6")
     replaced = emla(*run, *arguments, "--replace", f"lift.plant={plant}", *backlash)

@@ -184,11 +184,7 @@ WRONG = {
     "unknown entry": ("q_E =", "q_F =", "has the unknown entry 'q_F'; did you mean"),
     "unknown gain": ("beta_2 =", "beta2 =", "has the unknown entry 'beta2'; did you mean 'beta_2'?"),
     "unknown set": ("gains.rsba.robust", "gains.rsba.robst", "unknown entry 'robst'; did you mean 'robust'?"),
-    "unknown controller": (
-        "[gains.cac.tuned]",
-        "[gains.cca.tuned]",
-        "unknown entry 'cca'; did you mean 'cac'?",
-    ),
+    "unknown controller": ("[gains.cac.tuned]", "[gains.cca.tuned]", "entry 'cca'; did you mean 'cac'?"),
     "unknown rule": ('rule = "rule"', 'rule = "rules"', "is 'rules'; it must be 'tuned' or 'rule'"),
     "unknown option": ("stop_time =", "stop_tim =", "entry 'stop_tim'; did you mean 'stop_time'?"),
     "unknown parameter": ("high = 2.0", "hi = 2.0", "has the unknown entry 'd_2.hi'; did you mean"),
@@ -248,18 +244,13 @@ def test_actuator_can_be_a_file_of_its_own(slew: Path) -> None:
 
 def test_realistic_drive_with_changes_of_the_file(slew: Path) -> None:
     slew.write_text(f'{TILT}\n[drive]\nalways = true\ninverter = {{ delay = "0.2 ms" }}\n')
-    plant, usual = (
+    plant, default = (
         next(dict(c.parameters) for c in scenario.system.components if c.name.endswith(f"{joint}.plant"))
         for scenario, joint in ((ec.load(slew), "slew"), (ec.load("study-drive", gains="robust"), "tilt"))
     )
     assert plant.pop("inverter.delay") == pytest.approx(2e-4)
-    assert usual.pop("inverter.delay") == 1e-4
-    assert plant == usual
-
-
-def test_quantities_can_have_other_units() -> None:
-    assert read(TILT.replace("x_L = 0.385", 'x_L = "385 mm"')).start.x_L == 0.385
-    assert read(TILT.replace("level = 25e3", 'level = "25 kN"')).load.level == (25e3,)
+    assert default.pop("inverter.delay") == 1e-4
+    assert plant == default
 
 
 def _entries(content: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -270,9 +261,12 @@ def _entries(content: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     return actual
 
 
-@pytest.mark.parametrize("odd", mostly_slow([10**400, -(10**400), "nan", -1, "", True], ["nan"]))
-def test_odd_value_in_any_entry_is_used_or_refused(odd: Any) -> None:
-    for path in _entries(tomllib.loads(read_joint_text("tilt"))):
+ODD_VALUES = [*((odd, 1) for odd in (10**400, -(10**400), "nan", -1, "", True)), ("nan", 5)]
+
+
+@pytest.mark.parametrize(("odd", "step"), mostly_slow(ODD_VALUES, ODD_VALUES[-1:]))
+def test_odd_value_in_any_entry_is_used_or_refused(odd: Any, step: int) -> None:
+    for path in _entries(tomllib.loads(read_joint_text("tilt")))[::step]:
         content = tomllib.loads(read_joint_text("tilt"))
         inner: Any = content
         for key in path[:-1]:
@@ -318,11 +312,7 @@ def test_motion_of_an_experiment_peaks_at_its_speed_and_repeats() -> None:
     ("old", "new", "expected"),
     [
         ("period = 8.0", "period = 7.0", "is 7 s, but the moves take 7.5 s in total"),
-        (
-            "[0.3, 0.4, 0.3]",
-            "[0.3, 0.3]",
-            "[experiment.one.reference] of the joint file 'slew.toml' has the way_points [0.3, 0.3]",
-        ),
+        ("[0.3, 0.4, 0.3]", "[0.3, 0.3]", "of the joint file 'slew.toml' has the way_points [0.3, 0.3]"),
         ("[0.3, 0.4, 0.3]", "[0.3]", "must be 2 to"),
         ("v_peak = 0.05", "", "lacks v_peak, the peak speed of every move"),
         ("level = 1e3", "", "lacks level, the load force"),

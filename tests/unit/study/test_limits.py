@@ -56,18 +56,14 @@ def test_trip_is_reported_first(emla: Emla, tmp_path: Path) -> None:
 
 
 def test_limits_are_those_of_the_run(emla: Emla) -> None:
-    """Wide ranges are not left; a stroke that ends before the start is left at once."""
-    wide = [f"tilt.plant.{name}" for name in ("screw.v_max=1e9", "screw.q_UB=1e9", "motor.i_max=1e9")]
-    run = ("run", "tilt", *BELOW, "--stop-time", "0.4", "--no-plots", "--output", "o")
-    result = emla(*run, *(x for name in wide for x in ("--set", name)))
-    assert result.stdout.startswith("tilt has not settled: ")
-    assert tilt_of("o")["trip"] is None and tilt_of("o")["held"] is False
+    """A stroke that ends before the start is left at once."""
+    run = ("run", "tilt", *BELOW, "--stop-time", "0.05", "--no-plots", "--output", "o")
     result = emla(*run, "--set", "tilt.plant.screw.q_UB=0.3")
     assert result.stdout.startswith("tilt tripped on its stroke at t = 0 s: tilt.plant.x_L = 0.38 m, beyond")
     trip = tilt_of("o")["trip"]
     assert (trip["signal"], trip["time_s"], trip["value"]) == ("tilt.plant.x_L", 0.0, 0.38)
-    late = emla(*run, "--criterion", "tilt.over_speed=0.5")
-    assert "beyond 0.15 m/s (limit 0.1 m/s)" in late.stdout
+    late = emla(*run, "--criterion", "tilt.over_speed=0.2")
+    assert "beyond 0.12 m/s (limit 0.1 m/s)" in late.stdout
 
 
 def test_touched_limit_is_reported_and_metrics_end_at_a_trip(fmu_folder: Path) -> None:
@@ -85,22 +81,23 @@ def test_touched_limit_is_reported_and_metrics_end_at_a_trip(fmu_folder: Path) -
     assert figures["held"] is True and figures["trip"] is None
     assert abs(touch["value"]) == fastest and abs(touch["limit"]) == pytest.approx(fastest / 1.03)
     assert [remark.partition(",")[0] for remark in touched.remarks] == ["lift touched its speed limit"]
-    lost = tripped.metrics["joints"]["lift"]
-    assert lost["held"] is False and lost["trip"]["signal"] == "lift.plant.v_L"
+    after_trip = tripped.metrics["joints"]["lift"]
+    time = after_trip["trip"]["time_s"]
+    assert after_trip["held"] is False and after_trip["trip"]["signal"] == "lift.plant.v_L"
     assert [remark.partition(" at ")[0] for remark in tripped.remarks] == ["lift tripped on its speed"]
-    assert lost["reason"] == tripped.remarks[0]
+    assert after_trip["reason"] == tripped.remarks[0]
     # figures end at the trip
     error = np.abs(well["lift.plant.x_L"] - well["lift.reference.x_d"])
-    counted = (well.time >= lost["evaluated_from_s"] - 1e-9) & (well.time <= lost["trip"]["time_s"])
-    assert lost["position_error_m"] == error[counted].max()
-    assert lost["position_error_m"] < well.metrics["joints"]["lift"]["position_error_m"]
+    counted = (well.time >= after_trip["evaluated_from_s"] - 1e-9) & (well.time <= time)
+    assert after_trip["position_error_m"] == error[counted].max()
+    assert after_trip["position_error_m"] < well.metrics["joints"]["lift"]["position_error_m"]
     torque = np.abs(well["lift.plant.tau_m"])
-    assert lost["torque_peak_N_m"] == torque[well.time <= lost["trip"]["time_s"]].max()
-    assert math.isnan(lost["following_error_rms_m"]) and math.isnan(lost["saturated_fraction"])
+    assert after_trip["torque_peak_N_m"] == torque[well.time <= time].max()
+    assert math.isnan(after_trip["following_error_rms_m"]) and math.isnan(after_trip["saturated_fraction"])
 
 
 def test_published_gains_trip_every_joint(emla: Emla) -> None:
-    result = emla("run", "published", "--no-plots", "--output", "o")
+    result = emla("run", "published", "--stop-time", "2", "--no-plots", "--output", "o")
     assert result.exit_code == 0
     joints = json.loads(Path("o/metrics.json").read_text())["joints"]
     for joint, actual in joints.items():
@@ -109,17 +106,6 @@ def test_published_gains_trip_every_joint(emla: Emla) -> None:
         assert f"{joint} tripped on its " in result.stdout
     table = result.stdout[result.stdout.index("│") :]
     assert " m " in table and "e+" not in table
-
-
-def test_trip_is_the_same_after_a_resume(emla: Emla) -> None:
-    run = ("run", "tilt", *BELOW, "--no-plots")
-    uninterrupted = emla(*run, "--stop-time", "0.4", "--output", "whole")
-    for first in ("0.02", "0.35"):  # before it, and after
-        begun = emla(*run, "--stop-time", first, "--checkpoint", "c", "--output", "parts")
-        assert begun.exit_code == 0, begun.output
-        continued = emla(*run, "--stop-time", "0.4", "--resume", "c", "--output", "parts")
-        assert continued.stdout.splitlines()[:2] == uninterrupted.stdout.splitlines()[:2]
-        assert tilt_of("parts") == tilt_of("whole")
 
 
 @given(
@@ -202,7 +188,7 @@ def test_trip_names_a_load_beyond_the_motor(factor: float, directional: float, i
     if is_cause:
         torque = abs(factor) * 0.9 * (0.8 if directional else 1.0)
         assert f"takes {torque:.4g} N m of the motor at rest" in actual["reason"]
-    assert evaluate(factor * HOLDS, 0.0, 0.0).figures()["j"]["trip"] is None  # a load alone is no trip
+    assert evaluate(factor * HOLDS, 0.0, 0.0).figures()["j"]["trip"] is None  # a load alone is not a trip
 
 
 def test_ideal_drives_trip_on_the_demanded_torque() -> None:

@@ -18,7 +18,7 @@ from emla_cosim.study.figures import JOINT_FIGURES
 from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI
-from emla_cosim.study.roles import find_joints, find_tracked_joints, find_variable
+from emla_cosim.study.roles import find_tracked_joints, find_variable
 from machine_fmu.spline import DEFAULT_FILE, default_spline
 from tests.support.commands import Emla
 from tests.support.coupled_machine import column, positions
@@ -133,11 +133,6 @@ def test_divergence_of_late_forces_is_explained(coupled: Simulation, algorithm: 
 # ---- roles -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["study", "hdrm-coupled", "hdrm-replay", "hdrm-merged"])
-def test_joints_are_found_in_every_system(name: str) -> None:
-    assert find_joints(load(name).system) == list(JOINTS)
-
-
 def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
     result = merged.run(stop_time=0.5, output_interval=1e-4)
     assert set(result.metrics["joints"]) == set(JOINTS)
@@ -209,11 +204,7 @@ LONG = json.dumps({"degree": 1, "knots": KNOTS, "coefficients": dict.fromkeys(JO
         ("hdrm-merged", "{", "the trajectory 't.json' is not JSON: "),
         ("hdrm-coupled", '{"degree": 5}', "the trajectory 't.json' cannot be used: it lacks 'knots'; "),
         ("hdrm-replay", LONG, "the trajectory 't.json' "),
-        (
-            "study",
-            "{}",
-            "'study' does not follow a trajectory; --trajectory is for machine files, and for crane,",
-        ),
+        ("study", "{}", "'study' does not follow a trajectory; --trajectory is for machine files, and for"),
     ],
 )
 def test_invalid_trajectory(scenario: str, text: str | None, sentence: str, tmp_path: Path) -> None:
@@ -230,10 +221,7 @@ def test_invalid_trajectory(scenario: str, text: str | None, sentence: str, tmp_
 
 @pytest.mark.parametrize(
     ("name", "fault", "payload"),
-    [
-        ("coupled", "manipulator.payload.m=constant:0", 0.0),
-        ("merged", "plant.payload.m=gain:2", 940.0),
-    ],
+    [("coupled", "manipulator.payload.m=constant:0", 0.0), ("merged", "plant.payload.m=gain:2", 940.0)],
 )
 def test_dropped_or_doubled_payload_is_held(name: str, fault: str, payload: float, fmu_folder: Path) -> None:
     scenario = load(f"hdrm-{name}", fault=[f"machine.{fault}@0.6"])

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.schemas import make_schema
 from emla_cosim.study.machines.machine_info import collect_machine
 from emla_cosim.study.machines.schema import (
     ActuatorTable,
@@ -67,68 +66,32 @@ def test_machines_of_the_study() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        (
-            'joint = "revolute"',
-            'joint = "hinge"',
-            "'joint' in [bodies.boom] of the machine 'boom.toml' is 'hinge'",
-        ),
+        ('joint = "revolute"', 'joint = "hinge"', "'joint' in [bodies.boom] of the machine 'boom.toml' is"),
         ('m = "120 kg"', 'm = "120 m"', "'m' in [bodies.boom] of the machine 'boom.toml'"),
         ('m = "120 kg"', 'm = "boom.mass"', "there is no parameter 'boom.mass'; existing: none."),
         ("length = 0.5", "lenght = 0.5", "has the unknown entry 'lenght'; did you mean 'length'?"),
         ('to = "boom.pin"', 'to = "boom.pins"', "there is no point 'pins' of 'boom'; existing: pin."),
-        (
-            "c = [1.0, 0.0]",
-            "c = [1.0]",
-            "'c' in [bodies.boom] of the machine 'boom.toml' is [1.0]; it must have 2 or 3 numbers.",
-        ),
+        ("c = [1.0, 0.0]", "c = [1.0]", "is [1.0]; it must have 2 or 3 numbers."),
         ("c = [1.0, 0.0]", "c = [1, 0, 0]", "has 3 numbers; with dimensions = 2, it must have 2."),
         ("[0.4, ", "[0.4, 1.0, 1.0, ", "it must be a list of 2 or 3 numbers."),
-        (
-            "[0.6, 0.1]",
-            "[0.6, 0.1, 0.0]",
-            "'pin' in [bodies.boom.points] of the machine 'boom.toml' has 3 numbers; with dimensions = 2",
-        ),
+        ("[0.6, 0.1]", "[0.6, 0.1, 0.0]", "'pin' in [bodies.boom.points] of the machine 'boom.toml' has 3"),
         ("J = 30.0", "J = [1, 1, 30]", "'J' in [bodies.boom] of the machine 'boom.toml' has 3 numbers"),
         ("J = 30.0", "J = -30", "'J' in [bodies.boom] of the machine 'boom.toml' is -30 kg.m2"),
         ('m = "120 kg"', 'm = "-120 kg"', "'m' in [bodies.boom] of the machine 'boom.toml' is '-120 kg'"),
         ("dimensions = 2", "dimensions = 2\ngravity = -9.81", "is -9.81; it must be at least 0."),
         ('assembly = "30 deg"', 'assembly = "30 kg"', "is '30 kg'; it must be an angle or a length"),
         ('assembly = "30 deg"', "axis = [0, 1, 0]", "in the plane, slides move in x and y"),
-        (
-            'assembly = "30 deg"',
-            'axis = ["a", 1, 0]',
-            "'axis' in [bodies.boom] of the machine 'boom.toml' names",
-        ),
-        (
-            'assembly = "30 deg"',
-            'on = "bom"',
-            "there is no parent 'bom' of the body 'boom'; existing: ground, boom.",
-        ),
-        (
-            "actuators.lift",
-            'actuators."li.ft"',
-            "[actuators] of the machine 'boom.toml' has the name 'li.ft'; use",
-        ),
+        ('assembly = "30 deg"', 'axis = ["a", 1, 0]', "'axis' in [bodies.boom] of the machine 'boom.toml'"),
+        ('assembly = "30 deg"', 'on = "bom"', "there is no parent 'bom' of the body 'boom'; existing: gro"),
+        ("actuators.lift", 'actuators."li.ft"', "of the machine 'boom.toml' has the name 'li.ft'; use"),
         ("bodies.boom", 'bodies."größe"', "has the name 'größe'; use letters"),
-        (
-            "[0.6, 0.1]",
-            "{ position = [1, 1], from = 'pin' }",
-            "the point 'pin' of 'boom' counts from itself.",
-        ),
-        (
-            "[0.6, 0.1]",
-            "{ position = [1, 1], from = 'pim' }",
-            "there is no point 'pim' of 'boom'; existing: pin.",
-        ),
+        ("[0.6, 0.1]", "{ position = [1, 1], from = 'pin' }", "'pin' of 'boom' counts from itself."),
+        ("[0.6, 0.1]", "{ position = [1, 1], from = 'pim' }", "no point 'pim' of 'boom'; existing: pin."),
         ("bodies.boom", "bodies.payload", "[bodies.payload] of the machine 'boom.toml' has a reserved name"),
         ("{ pin =", "{ c = [1, 1], pin =", "two numbers have the name 'boom.c.x'"),
         ("stroke = [0.0, 0.4]", "stroke = [0.4, 0.0]", "is 0.4 to 0 m; write the lowest first."),
         ("stroke = [0.0, 0.4]", "stroke = 0.4\nstart = 0.5", "is 0.5 m, outside its stroke of 0 to 0.4 m."),
-        (
-            "stroke = [0.0, 0.4]",
-            "stroke = 3\nstart = 2",
-            "no pose of 'boom' has 'lift' 2.5 m long; its ends can be",
-        ),
+        ("stroke = [0.0, 0.4]", "stroke = 3\nstart = 2", "no pose of 'boom' has 'lift' 2.5 m long; its ends"),
         ("stroke = [0.0, 0.4]", "stroke = 0.4\nrod_share = 2", "is 2; it must be at most 1."),
         (
             'm = "120 kg"',
@@ -149,10 +112,7 @@ def test_inertias_in_space() -> None:
         .replace("[1.0, 0.0]", "[1.0, 0.0, 0.0]")
     )
     for J, expected in (
-        (
-            [30.0],
-            "'J' in [bodies.boom] of the machine has 1 number; with dimensions = 3, it must have 3 or 6.",
-        ),
+        ([30.0], "of the machine has 1 number; with dimensions = 3, it must have 3 or 6."),
         ([1.0, 1.0, 30.0], "is 30 kg.m2 about one axis, more than about both others together"),
     ):
         content["bodies"]["boom"]["J"] = J
@@ -164,11 +124,6 @@ def test_actuator_that_holds_nothing() -> None:
     content = tomllib.loads(LIFT.replace("dimensions = 2", "dimensions = 2\ngravity = 0.0"))
     (lift,) = collect_machine(parse_machine(content, "the machine")).actuators
     assert [str(x) for x in (lift.start_force, lift.lowest_force, lift.highest_force)] == ["0.0"] * 3
-
-
-def test_schema_of_machine_files() -> None:
-    schema = make_schema(MachineTable, "Machine")
-    assert {"bodies", "actuators", "links", "loops"} <= set(schema["properties"])
 
 
 def test_documentation_has_all_keys() -> None:

@@ -30,15 +30,13 @@ def read_run_movement(result: Result) -> Movement:
     return actual
 
 
-def drawn(result: Result, folder: Path) -> set[str]:
-    """The pictures of a machine among those that were drawn."""
-    pictures = [
-        (f"{name}.png", figure) for name, figure in draw_figures(result) if figure and name not in BY_UNIT
-    ]
-    for name, figure in pictures:
-        with (folder / name).open("wb") as stream:
+def drawn(result: Result, folder: Path | None = None) -> set[str]:
+    """The pictures of a machine among those that were drawn, which are saved if there is a folder."""
+    pictures = {name: figure for name, figure in draw_figures(result) if figure and name not in BY_UNIT}
+    for name, figure in pictures.items() if folder is not None else ():
+        with (folder / f"{name}.png").open("wb") as stream:
             save(figure, stream)
-    return {name for name, _ in pictures}
+    return set(pictures)
 
 
 def film(result: Result) -> MachineFilm:
@@ -49,7 +47,7 @@ def film(result: Result) -> MachineFilm:
 
 @pytest.mark.parametrize("merged", [False, True])
 def test_manipulator_is_drawn(merged: bool, tmp_path: Path) -> None:
-    assert drawn(replayed(merged=merged), tmp_path) == {"manipulator.png"}
+    assert drawn(replayed(merged=merged), tmp_path) == {"manipulator"}
     with Image.open(tmp_path / "manipulator.png") as picture:
         assert picture.format == "PNG"
         assert len(picture.convert("RGB").getcolors(10**6) or ()) > 500
@@ -74,31 +72,31 @@ def test_joints_are_drawn_as_in_the_paper(name: str, signals: tuple[str, str]) -
 
 
 MISSING = [
-    ("machine.trajectory", {"manipulator.png"}),
-    ("machine.manipulator.F_L", {"manipulator.png"}),
-    ("lift.plant", {"manipulator.png"}),
-    ("lift.plant machine.m", {"manipulator.png"}),
+    ("machine.trajectory", {"manipulator"}),
+    ("machine.manipulator.F_L", {"manipulator"}),
+    ("lift.plant", {"manipulator"}),
+    ("lift.plant machine.m", {"manipulator"}),
     ("machine.trajectory tilt.plant", set()),  # no strokes of tilt
 ]
 
 
 @pytest.mark.parametrize(("missing", "pictures"), mostly_slow(MISSING, MISSING[-2:]))
-def test_missing_signals_leave_out_their_part(missing: str, pictures: set[str], tmp_path: Path) -> None:
-    assert drawn(replayed(leave_out=tuple(missing.split())), tmp_path) == pictures
+def test_missing_signals_leave_out_their_part(missing: str, pictures: set[str]) -> None:
+    assert drawn(replayed(leave_out=tuple(missing.split()))) == pictures
 
 
-def test_joints_without_a_machine_have_no_machine_pictures(tmp_path: Path) -> None:
+def test_joints_without_a_machine_have_no_machine_pictures() -> None:
     run = replayed()
     columns = {f"lift.{n}.{x}": run["lift.plant.x_L"] for n, x in (("plant", "x_L"), ("reference", "x_d"))}
     single_joint = replace(result_of(run.time, columns, {}, {}), metrics={"joints": {"lift": {}}})
     assert all(not list(picture.signals(single_joint)) for picture in MACHINE_FIGURES.values())
-    assert "manipulator.png" not in drawn(single_joint, tmp_path)
+    assert "manipulator" not in drawn(single_joint)
 
 
-def test_unknown_geometry_is_not_drawn(tmp_path: Path) -> None:
+def test_unknown_geometry_is_not_drawn() -> None:
     run = replayed()
     for wrong in ({}, {n: x for n, x in run.parameters.items() if not n.endswith("lift.a")}):
-        assert drawn(replace(run, parameters=wrong), tmp_path) == set()
+        assert drawn(replace(run, parameters=wrong)) == set()
     with pytest.raises(RunError, match="nothing to animate"):
         film(replace(run, parameters={}))
 
@@ -130,7 +128,7 @@ def test_payload_is_constant_or_from_its_connection() -> None:
     assert np.array_equal(read_run_movement(replace(dropped, record=record)).payload, half)
 
 
-@pytest.mark.parametrize("wrong", [5.0, -3.0, np.inf, np.nan])
+@pytest.mark.parametrize("wrong", [5.0, np.nan])
 def test_run_is_drawn_until_its_triangles_open(wrong: float) -> None:
     strokes = np.array(replayed()["lift.plant.x_L"])
     strokes[50:] = wrong
@@ -143,7 +141,7 @@ def test_run_is_drawn_until_its_triangles_open(wrong: float) -> None:
 def test_machine_at_rest_is_drawn(tmp_path: Path) -> None:
     still = replayed(lift=0.2, tilt=0.3, telescope=0.4, leave_out=("machine.trajectory",))
     assert np.ptp(read_run_movement(still).path) == np.ptp(read_run_movement(still).path[0])
-    assert drawn(still, tmp_path) == {"manipulator.png"}
+    assert drawn(still, tmp_path) == {"manipulator"}
 
 
 def test_instants_are_along_the_path() -> None:

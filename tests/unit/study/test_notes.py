@@ -19,7 +19,7 @@ HOLDABLE, TOO_HEAVY = 6.5e3, 90e3
 
 
 def loads(first: float, later: float, begin: float, **further: float) -> dict[str, Any]:
-    """A load that has its first level until the second one begins, for ever."""
+    """A load that has its first level until the second one begins, and keeps the second one."""
     levels = {f"{LOAD}.level[1]": first, **{f"{LOAD}.level[{i}]": later for i in range(2, 7)}}
     return {**levels, f"{LOAD}.start[2]": begin, **{f"{LOAD}.{name}": x for name, x in further.items()}}
 
@@ -103,23 +103,19 @@ def test_way_points_beyond_the_run_do_not_count() -> None:
 
 def test_periodic_moves() -> None:
     scenario = ec.load("prototype", set={"prototype.reference.period": 5.0}, start_time=7.0, stop_time=7.5)
-    low, high, speed = find_reference_range("prototype", scenario.system, scenario.options) or (
-        0.0,
-        0.0,
-        0.0,
-    )
+    actual = find_reference_range("prototype", scenario.system, scenario.options)
+    assert actual is not None
 
     def get_position(t: float) -> float:
         r = t / 4.0
         return 0.05 + 0.1 * (10 * r**3 - 15 * r**4 + 6 * r**5)
 
-    assert (low, high) == pytest.approx((get_position(2.0), get_position(2.5)))
-    assert speed == pytest.approx(15 / 8 * 0.1 / 4.0)
+    assert actual == pytest.approx((get_position(2.0), get_position(2.5), 15 / 8 * 0.1 / 4.0))
 
 
 A_EQ = {"controller.model.A_eq": 0, "observer.model.A_eq": 0}
 RATIO = {**A_EQ, "controller.model.alpha_RL": -1, "controller.model.B_eq": -1, "observer.model.B_eq": -1}
-BELIEFS = {
+FOLLOWERS = {
     "motor.R_s": {"controller.model.R_s": 1},
     "motor.L_d": {"controller.model.L_d": 1},
     "motor.L_q": {"controller.model.L_q": 1},
@@ -140,18 +136,20 @@ def parameters(scenario: Any) -> dict[str, Any]:
     return {f"{c.name}.{name}": x for c in scenario.system.components for name, x in c.parameters.items()}
 
 
-@pytest.mark.parametrize("parameter", BELIEFS)
+@pytest.mark.parametrize("parameter", FOLLOWERS)
 def test_stale_parameters_are_reported_and_followed(parameter: str, fmu_folder: Path) -> None:
     before = parameters(ec.load("prototype"))
     name, scale = f"{PLANT}.{parameter}", 1.5
     changed = {name: scale * before[name]}
     (note,) = ec.load("prototype", set=changed).notes
     assert note.startswith(f"{name} changes, but prototype.") and "--follow-models" in note
-    for belief in BELIEFS[parameter]:
-        assert f"prototype.{belief}" in note
-    assert note.count("prototype.controller.") + note.count("prototype.observer.") == len(BELIEFS[parameter])
+    for follower in FOLLOWERS[parameter]:
+        assert f"prototype.{follower}" in note
+    assert note.count("prototype.controller.") + note.count("prototype.observer.") == len(
+        FOLLOWERS[parameter]
+    )
 
-    if parameter == "screw.lead":  # the same value in another unit is no change
+    if parameter == "screw.lead":  # the same value in another unit is not a change
         assert all(ec.load("prototype", set={name: text}).notes == () for text in (0.016, "16 mm", "1.6 cm"))
 
     followed = ec.load("prototype", set=changed, follow_models=True, fmus=fmu_folder)
@@ -159,11 +157,11 @@ def test_stale_parameters_are_reported_and_followed(parameter: str, fmu_folder: 
     with followed.prepare() as simulation:
         after = parameters(simulation)
     differing = {n for n in after if after[n] != before.get(n)}
-    assert differing == {name, *(f"prototype.{belief}" for belief in BELIEFS[parameter])}
-    for belief, power in BELIEFS[parameter].items():
+    assert differing == {name, *(f"prototype.{follower}" for follower in FOLLOWERS[parameter])}
+    for follower, power in FOLLOWERS[parameter].items():
         if power:
-            expected = scale**power * before[f"prototype.{belief}"]
-            assert after[f"prototype.{belief}"] == pytest.approx(expected, rel=1e-12)
+            expected = scale**power * before[f"prototype.{follower}"]
+            assert after[f"prototype.{follower}"] == pytest.approx(expected, rel=1e-12)
 
 
 def inertia(lead: float, m: float) -> float:
@@ -189,7 +187,7 @@ def test_followed_values_use_all_changes(fmu_folder: Path) -> None:
 
 
 def test_both_halves_of_a_merged_plant_are_checked(fmu_folder: Path) -> None:
-    """Lead and ratio stand in both halves; either one tells."""
+    """Lead and ratio are in both halves; either one is enough."""
     for name in ("lift.motor.screw.lead", "machine.plant.screw.lead[1]"):
         (note,) = ec.load("hdrm-merged", set={name: 0.03}).notes
         assert note.startswith(f"{name} changes, but lift.controller.model.alpha_RL")
@@ -206,30 +204,15 @@ def test_every_command_gives_the_warning(emla: Emla, fmu_folder: Path) -> None:
     short_options = ("--stop-time", "0.002", "--no-plots", "--fmus", str(fmu_folder))
     set_ = ("--set", f"{LEAD}=20 mm")
     vary = ("--vary", "prototype.controller.beta[1]=90:110", "--objective", "prototype.torque_peak_N_m")
+    tune = ("tune", "prototype", *vary, "--evaluations", "3", "--validation", "0")
+    resistances = ("--vary", f"{PLANT}.motor.R_s=0.08,0.09")
     commands = {
         "run": ("run", "prototype", *set_, *short_options),
         "rerun": ("rerun", "run", *short_options),
-        "sweep of another": (
-            "sweep",
-            "prototype",
-            "--vary",
-            f"{PLANT}.motor.R_s=0.08,0.09",
-            *set_,
-            *short_options,
-        ),
+        "sweep of another": ("sweep", "prototype", *resistances, *set_, *short_options),
         "sweep": ("sweep", "prototype", "--vary", f"{LEAD}=18 mm:20 mm:2", *short_options),
         "compare": ("compare", "prototype", "--controllers", "rsba,foc", *set_, *short_options),
-        "tune": (
-            "tune",
-            "prototype",
-            *vary,
-            "--evaluations",
-            "3",
-            "--validation",
-            "0",
-            *set_,
-            *short_options,
-        ),
+        "tune": (*tune, *set_, *short_options),
     }
     for name, arguments in commands.items():
         completed = emla(*arguments, "--output", name)
@@ -267,7 +250,7 @@ def test_sweep_checks_loads_and_strokes_of_its_variants(fmu_folder: Path) -> Non
 @pytest.mark.slow
 @pytest.mark.usefixtures("on_one_cluster")
 def test_sweep_with_followed_models_equals_single_runs(fmu_folder: Path) -> None:
-    """Two parameters of one belief vary, one is set, one belief is set; commands repeat each variant."""
+    """Two sources of a model parameter vary, one source and one model parameter are set."""
     set_ = {f"{PLANT}.motor.J_m": 0.007, "prototype.observer.model.B_eq": 5.5}
     options: dict[str, Any] = {"follow_models": True, "stop_time": 0.01, "fmus": fmu_folder}
     vary = {LEAD: "15 mm:20 mm:2", f"{PLANT}.screw.M_BS": [90.0, 120.0]}

@@ -13,25 +13,11 @@ import emla_cosim as ec
 from emla_cosim.study.loads import LoadMetrics, WatchedLoad
 from emla_cosim.study.metrics import JointMetrics
 
-NAMES = [
-    f"j.{name}"
-    for name in (
-        "plant.x_L",
-        "plant.v_L",
-        "plant.tau_m",
-        "reference.x_d",
-        "reference.v_d",
-        "disturbance.F_L",
-        "disturbance.d_2",
-        "plant.load.x",
-    )
-]
+SIGNALS = ("plant.x_L", "plant.v_L", "plant.tau_m", "reference.x_d", "reference.v_d")
+NAMES = [f"j.{name}" for name in (*SIGNALS, "disturbance.F_L", "disturbance.d_2", "plant.load.x")]
 LIMIT, INERTIA = 200.0, 35.0  # N m, N m / (m/s^2)
-PARAMETERS = {
-    "j.plant.motor.N_p": 1.0,
-    "j.plant.motor.Phi_PM": LIMIT / 1.5,
-    "j.plant.motor.i_max": 1.0,
-}
+MOTOR = {"N_p": 1.0, "Phi_PM": LIMIT / 1.5, "i_max": 1.0}
+PARAMETERS = {f"j.plant.motor.{name}": value for name, value in MOTOR.items()}
 
 
 def oscillation_of(
@@ -290,7 +276,7 @@ def test_torque_that_works_against_the_spring_is_a_limit_cycle(compliant: ec.Sim
 
 @pytest.mark.parametrize(("damping", "is_held"), [(0.0, False), (0.02, True)])
 def test_boom_that_swings_after_a_move(damping: float, is_held: bool, compliant: ec.Simulation) -> None:
-    """12 t on 20 kN/mm swing at 6 Hz: without damping for ever; a damping ratio of 2 % ends it by 0.8 1/s."""
+    """12 t on 20 kN/mm swing at 6 Hz: it continues, or ends by 0.8 1/s."""
     change = {**soft("lift", 12e3, 20e6), "lift.disturbance.load.level[1]": 5e3}
     change["lift.plant.transmission.damping"] *= damping / 0.02
     change["lift.plant.start.deflection"] = 5e3 / 20e6
@@ -304,9 +290,9 @@ def test_boom_that_swings_after_a_move(damping: float, is_held: bool, compliant:
         assert figures["oscillation"]["frequency_Hz"] == pytest.approx(6.4, rel=0.1)
 
 
-@pytest.mark.parametrize(("inertia", "is_held"), [(0.669, False), (0.671, True), (0.7, True)])
+@pytest.mark.parametrize(("inertia", "is_held"), [(0.669, False), (0.671, True)])
 def test_inertia_at_the_edge_of_stability(inertia: float, is_held: bool, fmu_folder: Any) -> None:
-    """With 0.669 times the rotor's inertia the torque swings for ever; with 0.671 it decays by 0.25 1/s."""
+    """With 0.669 times the rotor's inertia the torque keeps swinging; with 0.671 it decays by 0.25 1/s."""
     change = {"lift.plant.motor.J_m": inertia * 0.016, "lift.plant.inverter.delay": 1e-4}
     simulation = ec.load("lift", gains="compensated", fmus=fmu_folder, stop_time=4.0, set=change)
     figures = simulation.prepare().run(recorders=[]).metrics["joints"]["lift"]

@@ -54,8 +54,8 @@ def renamed() -> ec.System:
 @pytest.mark.parametrize("changes", [{}, {"{plant}.start.x_L": 0.38}])
 def test_metrics_and_limits_do_not_depend_on_names(changes: dict[str, float], fmu_folder: Path) -> None:
     how = {"stop_time": 0.5, "step_size": 1e-4, "fmus": fmu_folder}
-    with load("lift", **how).prepare() as usual:
-        expected = usual.run(set={n.format(plant="lift.plant"): v for n, v in changes.items()})
+    with load("lift", **how).prepare() as default:
+        expected = default.run(set={n.format(plant="lift.plant"): v for n, v in changes.items()})
     with load(renamed(), **how).prepare() as simulation:
         roles = {f"lift.{role}": name for role, name in ROLES.items()}
         actual = simulation.run(roles=roles, set={n.format(plant="a.press"): v for n, v in changes.items()})

@@ -14,13 +14,12 @@ TILT = read_joint_text("tilt")
 POINTS = 'position = ["0.36 m", "0.40 m", "0.46 m"]\nforce = ["30 kN", "25 kN", "20 kN"]'
 
 
-def joint(folder: Path, load: str, name: str = "boom", more: str = "") -> Path:
+def joint(folder: Path, load: str) -> Path:
     """Write the tilt with another table [load]."""
     before, _, rest = TILT.partition("[load]\n")
-    file = folder / f"{name}.toml"
-    file.write_text(
-        f"{before}[load]\n{load}\n\n[disturbance.d_2]{rest.partition('[disturbance.d_2]')[2]}{more}"
-    )
+    file = folder / "boom.toml"
+    disturbance = rest.partition("[disturbance.d_2]")[2]
+    file.write_text(f"{before}[load]\n{load}\n\n[disturbance.d_2]{disturbance}")
     return file
 
 
@@ -98,7 +97,7 @@ def test_largest_load_counts_the_stroke_that_the_motion_uses(tmp_path: Path) -> 
 def test_load_that_is_not_rigid_rests_at_the_start(tmp_path: Path) -> None:
     """Its force is that at its own position, which the deflection changes; also with another stiffness."""
     points = 'position = ["0.38 m", "0.39 m"]\nforce = ["30 kN", "-200 kN"]'
-    file = joint(tmp_path, f'level = "1 kN"\n{points}', more="")
+    file = joint(tmp_path, f'level = "1 kN"\n{points}')
     file.write_text(file.read_text().replace("[compliance]", "[compliance]\nalways = true"))
     scenario = ec.load(file)
     values = plant(scenario)

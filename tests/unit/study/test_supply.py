@@ -34,8 +34,8 @@ def test_energy_is_balanced_and_is_that_of_the_plants(fmu_folder: Path) -> None:
     assert source + returned == pytest.approx(loss + drawn + burnt + stored, abs=1e-9 * size)
     capacitor = 0.5 * 2e-3 * (u**2 - u[0] ** 2)
     assert stored == pytest.approx(capacitor, abs=1e-9 * size)
-    taken = sum(np.trapezoid(signals[name], signals["time"]) for name in powers)
-    assert drawn[-1] - returned[-1] == pytest.approx(float(taken), abs=1e-2 * size)
+    energy_of_plants = sum(np.trapezoid(signals[name], signals["time"]) for name in powers)
+    assert drawn[-1] - returned[-1] == pytest.approx(float(energy_of_plants), abs=1e-2 * size)
     figures = metrics[SUPPLY][SUPPLY]
     assert figures["reused_energy_J"] == pytest.approx(returned[-1] - burnt[-1] - max(stored[-1], 0.0))
     assert 0.0 < figures["reused_energy_J"] < figures["regenerated_energy_J"]

@@ -171,10 +171,8 @@ def test_estimates_are_compared_at_the_times_of_the_observer() -> None:
     assert figures["observer_position_error_m"] == error[counted & at_estimates].max()
     assert error[counted].max() > 100.0 * figures["observer_position_error_m"]
     few = ec.load("prototype", stop_time=0.7).prepare().run(output_interval=7e-4)
-    assert (
-        few.metrics["joints"]["prototype"]["observer_position_error_m"]
-        == (figures["observer_position_error_m"])
-    )
+    error_of_few = few.metrics["joints"]["prototype"]["observer_position_error_m"]
+    assert error_of_few == figures["observer_position_error_m"]
 
 
 @given(
@@ -318,12 +316,10 @@ def test_unknown_inertia_needs_similar_torque_and_acceleration() -> None:
     assert evaluate(QUIET["random force from outside"](), parameters=parameters)["held"] is True
 
 
-def test_oscillation_after_a_checkpoint() -> None:
+def test_oscillations_count_from_when_a_joint_is_evaluated() -> None:
     rows = limit_cycle(120.0, 300.0)
-    uninterrupted = evaluate(rows, parameters=PARAMETERS)
-    parts = evaluate(rows, [777], is_restored=True, parameters=PARAMETERS)
-    assert parts["oscillation"] == pytest.approx(uninterrupted["oscillation"], nan_ok=True)
-    assert uninterrupted["oscillation"]["time_s"] == pytest.approx(0.3, abs=0.02)
+    actual = evaluate(rows, parameters=PARAMETERS)
+    assert actual["oscillation"]["time_s"] == pytest.approx(0.3, abs=0.02)
     rows[:, 0] += 7.0
     assert evaluate(rows, parameters=PARAMETERS)["oscillation"]["time_s"] == pytest.approx(7.3, abs=0.02)
     before = np.where(T[:, np.newaxis] < 0.3, rows, limit_cycle(120.0, 0.0))
