@@ -96,9 +96,8 @@ def test_replaced_component_keeps_names_and_units(foreign_plant: Path, fmu_folde
     replacement = ec.Replacement(foreign_plant, FOREIGN_PLANT / "ForeignPlant.ssm")
     content = ec.info("lift", fmus=fmu_folder, replace={"lift.plant": replacement})
     ours = ec.info("lift", fmus=fmu_folder)
-    renamed = [
-        v for v in content.variables if v.component == "lift.plant" and not v.name.endswith(v.fmu_name)
-    ]
+    of_plant = [v for v in content.variables if v.component == "lift.plant"]
+    renamed = [v for v in of_plant if not v.name.endswith(v.fmu_name)]
     assert renamed
     for variable in renamed:
         assert variable.unit == ours[variable.name].unit

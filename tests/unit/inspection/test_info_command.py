@@ -240,16 +240,14 @@ def test_mechanics_of_a_machine_without_joints_are_shown(emla: Emla) -> None:
 
 
 def test_machine_of_a_scenario_has_changes_and_limits(emla: Emla) -> None:
-    usual, heavy = (
-        json.loads(
-            emla("info", "hdrm-replay", "--set", f"machine.manipulator.payload.m={m}", "--json").stdout
-        )
-        for m in (470, 600)
+    payload, name = "machine.manipulator.payload.m", "hdrm-replay"
+    default, heavy = (
+        json.loads(emla("info", name, "--set", f"{payload}={m}", "--json").stdout) for m in (470, 600)
     )
-    forces = [content["machine"]["actuators"][0]["start_force"] for content in (usual, heavy)]
+    forces = [content["machine"]["actuators"][0]["start_force"] for content in (default, heavy)]
     assert forces[1] > 1.1 * forces[0]
-    assert usual["machine"]["actuators"][0]["largest_force"] > 100e3
-    assert usual["variables"]
+    assert default["machine"]["actuators"][0]["largest_force"] > 100e3
+    assert default["variables"]
 
 
 def test_pictures_need_a_machine(emla: Emla) -> None:

@@ -40,9 +40,9 @@ class KnownResult:
         return list(self.data)
 
 
-def resolved(curve: Curve, bound: RangeLimit | None = None, **known: Any) -> Plot:
+def resolved(curve: Curve, bound: RangeLimit | None = None, **parameters: float) -> Plot:
     power = {"j.F": 2.0 + TIME, "j.v": np.cos(TIME), "j.other": TIME**2}
-    result = KnownResult({"joints": {"j": {}}}, power, **known)
+    result = KnownResult({"joints": {"j": {}}}, power, {f"j.{name}": x for name, x in parameters.items()})
     picture = Picture("p", (PanelSpec("l", (curve,), bound=bound),), "joints")
     (actual,) = picture.resolve_panels(result, {"time": TIME, **power})  # pyright: ignore[reportArgumentType]
     return actual
@@ -65,12 +65,12 @@ def test_curves_are_differences_products_and_integrals(curve: Curve, expected: n
 
 
 def test_limits_are_products_of_parameters() -> None:
-    parameters = {"j.N": 4.0, "j.Phi": 0.5, "j.low": -1.0}
-    torque = resolved(Curve("", "F"), RangeLimit("torque", ("N", "Phi"), scale=1.5), parameters=parameters)
-    assert torque.limits == (Limit("torque", -3.0, 3.0),)
-    stroke = resolved(Curve("", "F"), RangeLimit("stroke", ("N",), ("low",)), parameters=parameters)
-    assert stroke.limits == (Limit("stroke", -1.0, 4.0),)
-    assert resolved(Curve("", "F"), RangeLimit("unknown", ("gone",)), parameters=parameters).limits == ()
+    for bound, limits in (
+        (RangeLimit("torque", ("N", "Phi"), scale=1.5), (Limit("torque", -3.0, 3.0),)),
+        (RangeLimit("stroke", ("N",), ("low",)), (Limit("stroke", -1.0, 4.0),)),
+        (RangeLimit("unknown", ("gone",)), ()),
+    ):
+        assert resolved(Curve("", "F"), bound, N=4.0, Phi=0.5, low=-1.0).limits == limits
 
 
 def test_time_is_linear_and_shared_by_rows_of_one_part() -> None:
@@ -113,15 +113,8 @@ def test_long_labels_fit_in_the_figure(columns: int) -> None:
     """A legend widens the figure; long labels of axes and areas have several lines."""
     long = "current limit of the controller of the drive"
     lines = Line("commanded by the controller", TIME, MOVE), Line("actual", TIME, -MOVE)
-    panels = [
-        Plot(
-            "acceleration of the piston / (m/s²), settled",
-            lines,
-            column=f"c{i}",
-            limits=(Limit(long, None, 1.0),),
-        )
-        for i in range(columns)
-    ]
+    label, limits = "acceleration of the piston / (m/s²), settled", (Limit(long, None, 1.0),)
+    panels = [Plot(label, lines, column=f"c{i}", limits=limits) for i in range(columns)]
     figure = draw_panels(panels * 2, "t", "r")
     figure.draw_without_rendering()
     widths = {round(axes.get_window_extent().width) for axes in figure.axes}
@@ -161,16 +154,14 @@ def test_errors_show_the_load_beside_the_screw(criteria: dict[str, Any], window:
     record = {"settings": {"criteria": criteria}}
     result: Any = KnownResult({"joints": {"j": {}}}, data, record=record)
     panels = JOINT_FIGURES["errors"].resolve_panels(result, {"time": TIME, **data})
-    errors = {one.label: one for one in panels}
+    errors = {panel.label: panel for panel in panels}
     load = errors["load position / µm, settled"]
     np.testing.assert_allclose(load.lines[0].values, 200.0, rtol=1e-9)
-    for one in (load, errors["position / µm, settled"]):
-        assert one.limits == (Limit("position window", -window, window),)
+    for settled in (load, errors["position / µm, settled"]):
+        assert settled.limits == (Limit("position window", -window, window),)
     rigid: Any = KnownResult({"joints": {"j": {}}}, {name: data[name] for name in list(data)[:2]})
-    labels = [
-        one.label for one in JOINT_FIGURES["errors"].resolve_panels(rigid, {"time": TIME, **rigid.data})
-    ]
-    assert labels == ["position / mm, settling", "position / µm, settled"]
+    panels = JOINT_FIGURES["errors"].resolve_panels(rigid, {"time": TIME, **rigid.data})
+    assert [panel.label for panel in panels] == ["position / mm, settling", "position / µm, settled"]
 
 
 def test_constant_signals_take_no_row() -> None:
@@ -203,7 +194,7 @@ def test_headline_has_names_of_files_without_folders(tmp_path: Path) -> None:
         ({"evaluated_from_s": 1.2}, 1.2),
         ({"evaluated_from_s": np.nan}, 0.3),
         ({}, 0.3),
-        ({"evaluated_from_s": TIME[-1]}, TIME[0]),  # one point is no curve
+        ({"evaluated_from_s": TIME[-1]}, TIME[0]),  # one point does not make a curve
     ],
 )
 def test_settled_panels_begin_where_errors_count(figures: dict[str, Any], begin: float) -> None:
@@ -236,21 +227,21 @@ WORST = Picture("Forces", (PanelSpec("F / N", (Curve("", "F"),)),), "joints", wo
 
 
 @pytest.mark.parametrize(
-    ("count", "shown", "title"),
+    ("count", "joints", "title"),
     [
         (8, [f"j{i}" for i in range(8)], "Forces"),
         (60, ["j1", "j2", *(f"j{i}" for i in range(59, 53, -1))], "Forces: the 8 worst of 60 joints"),
     ],
 )
-def test_worst_of_many_joints_are_drawn(count: int, shown: list[str], title: str) -> None:
+def test_worst_of_many_joints_are_drawn(count: int, joints: list[str], title: str) -> None:
     """Those that are not held, then those without an error, then those with the largest one."""
     result: Any = many(count)
-    assert list(WORST.signals(result)) == [f"{joint}.F" for joint in shown]
+    assert list(WORST.signals(result)) == [f"{joint}.F" for joint in joints]
     panels = WORST.resolve_panels(result, {"time": TIME, **result.data})
-    assert [panel.column for panel in panels] == shown
+    assert [panel.column for panel in panels] == joints
     figure = WORST.drawn(result, {"time": TIME, **result.data})
     assert figure is not None and figure.get_suptitle() == title
-    assert [axes.get_title() for axes in figure.axes] == shown
+    assert [axes.get_title() for axes in figure.axes] == joints
 
 
 def draw_map(result: Any) -> Any:

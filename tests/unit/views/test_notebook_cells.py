@@ -87,10 +87,10 @@ def test_run_without_metrics_shows_its_signals(fmu_folder: Path) -> None:
     with ec.load(path, stop_time=0.01).prepare() as prepared:
         run = prepared.run()
     assert not any(run.metrics.get(kind) for kind in METRICS)
-    heads, first, *others = cells(parse(run).find(".//table"))
+    heads, first, *further = cells(parse(run).find(".//table"))
     assert heads[:5] == ["signal", "minimum", "maximum", "rms", "final"]
     assert [first[0], float(first[4]), first[5]] == ["EmlaPlant.x_L", run["x_L"][-1], "m"]
-    assert len(others) == 19
+    assert len(further) == 19
 
 
 def test_result_without_matplotlib_or_table(
@@ -111,9 +111,7 @@ def test_result_without_matplotlib_or_table(
 def test_systems_show_components_and_connections(simulation: ec.Simulation, fmu_folder: Path) -> None:
     scenario = ec.load("lift", fmus=fmu_folder)
     assert repr(scenario.system) == "<System of 5 components, 21 connections>"
-    assert repr(simulation) == (
-        "<Simulation of lift: 5 components, 21 connections, 0 s to 0.4 s, step 0.0001 s>"
-    )
+    assert repr(simulation).startswith("<Simulation of lift: 5 components, 21 connections, 0 s to 0.4 s")
     for displayed in (scenario, scenario.system, simulation):
         cell = parse(displayed)
         assert len(list(cell.iter(f"{SVG}rect"))) == 5
@@ -121,15 +119,11 @@ def test_systems_show_components_and_connections(simulation: ec.Simulation, fmu_
             component.name for component in scenario.system.components
         ]
         connections = [read(code) for code in cell.iter("code")]
-        assert connections == [str(connection) for connection in shown_system(displayed).connections]
+        assert connections == [str(connection) for connection in scenario.system.connections]
     with ec.load("lift", fmus=fmu_folder).prepare() as closed:
         pass
     assert repr(closed).startswith("<closed Simulation of lift")
     parse(closed)
-
-
-def shown_system(displayed: ec.Scenario | ec.System | ec.Simulation) -> ec.System:
-    return displayed if isinstance(displayed, ec.System) else displayed.system
 
 
 def test_large_systems_are_shortened() -> None:
@@ -143,10 +137,8 @@ def test_large_systems_are_shortened() -> None:
 def test_fmu_shows_its_interface(fmu_folder: Path) -> None:
     path = fmu_path("EmlaPlant", "native", fmu_folder)
     content = ec.info(path)
-    assert (
-        repr(content)
-        == f"<Info on EmlaPlant: 1 component, 0 connections, {len(content.variables)} variables>"
-    )
+    count = len(content.variables)
+    assert repr(content) == f"<Info on EmlaPlant: 1 component, 0 connections, {count} variables>"
     cell = parse(content)
     facts, *tables = [cells(table) for table in cell.iter("table")]
     assert ["FMI", "2.0, CoSimulation and ModelExchange"] in facts

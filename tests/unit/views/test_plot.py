@@ -41,7 +41,7 @@ def write_run(
 
 
 def drawn(*paths: Path, **how: Any) -> tuple[list[Any], list[str]]:
-    """The axes of the picture of these runs, and what is said."""
+    """The axes of the picture of these runs, and its notes."""
     overlay = overlay_runs(read_traces(paths), **how)
     return [axes for axes in overlay.figure.axes if axes.get_visible()], list(overlay.notes)
 
@@ -78,10 +78,8 @@ def test_long_table_reports_rows_that_are_not_drawn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str
 ) -> None:
     monkeypatch.setattr(panel_drawing, "MOST_ROWS", 100)
-    long, whole = (
-        write_run(tmp_path / str(n), {"time": range(n), "x": range(n)}, form=form) for n in (101, 100)
-    )
-    axes, notes = drawn(long, whole)
+    paths = [write_run(tmp_path / str(n), {"time": range(n), "x": range(n)}, form=form) for n in (101, 100)]
+    axes, notes = drawn(*paths)
     assert notes == ["101: 51 of 101 rows drawn."]
     assert [len(x) for x, _ in curves(axes[0]).values()] == [51, 100]
 
@@ -91,9 +89,8 @@ def test_pictures_report_rows_that_are_not_drawn(monkeypatch: pytest.MonkeyPatch
         result = simulation.run(output_interval=1e-4)
 
     def corner() -> set[str]:
-        texts = [
-            text.get_text() for _, figure in pictures.draw_figures(result) if figure for text in figure.texts
-        ]
+        figures = [figure for _, figure in pictures.draw_figures(result) if figure]
+        texts = [text.get_text() for figure in figures for text in figure.texts]
         return {text for text in texts if "rows" in text}
 
     assert corner() == set()
@@ -296,24 +293,21 @@ def test_system_without_joints_has_a_picture(fmu_folder: Path, tmp_path: Path) -
 
 
 def test_large_system_has_a_picture_for_each_part(monkeypatch: pytest.MonkeyPatch, fmu_folder: Path) -> None:
-    """The study as if nobody knew it: by branch, by component where there is room for few."""
+    """The study without its metrics: by branch, by component where there is room for few."""
     monkeypatch.delitem(ec.METRICS, "joints")
     with load("study").prepare(fmus=fmu_folder, stop_time=0.01) as simulation:
         result = simulation.run()
     constant = {name for name in result.names if len(set(result[name])) == 1}
 
-    def shown() -> list[list[str]]:
+    def list_signals() -> list[list[str]]:
         return [list(by_unit.ByUnit(i).signals(result)) for i in range(7)]
 
-    branches = shown()
+    branches = list_signals()
     assert branches[3:] == [[]] * 4 and constant
     for joint, signals in zip(("lift", "tilt", "telescope"), branches[:3], strict=True):
         assert signals == [n for n in result.names if n.startswith(f"{joint}.") and n not in constant]
     monkeypatch.setattr(by_unit, "_MOST_SIGNALS", 12)
-    parts = shown()
-    assert [{name.rsplit(".", 1)[0].split(".")[1] for name in part} for part in parts[:3]] == [
-        {"reference"},
-        {"plant"},
-        {"disturbance"},
-    ]
+    parts = list_signals()
+    components = [{name.rsplit(".", 1)[0].split(".")[1] for name in part} for part in parts[:3]]
+    assert components == [{"reference"}, {"plant"}, {"disturbance"}]
     assert len(parts[1]) <= 12 and parts[5] and not parts[6]

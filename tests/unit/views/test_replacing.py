@@ -61,16 +61,7 @@ FILES: dict[str, Callable[[Path], object]] = {
 }
 """What may be replaced, also only with --overwrite."""
 
-NAMES = [
-    "out.json",
-    "-o",
-    "a\nb\tc\x1b[31m",
-    "trailing ",
-    "'\"",
-    "\N{GRINNING FACE}" * 63,
-    "x" * 255,
-    "\udcff",
-]
+NAMES = ["-o", "a\nb\tc\x1b[31m", "trailing ", "'\"", "\N{GRINNING FACE}" * 63, "x" * 255, "\udcff"]
 
 
 def states(folder: Path) -> dict[str, object]:
@@ -84,39 +75,39 @@ def states(folder: Path) -> dict[str, object]:
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Path:
+def folder_path(tmp_path: Path) -> Path:
     """A folder beside another one with files."""
     (tmp_path / "outside").mkdir()
     (tmp_path / "outside/mine").write_bytes(USER_CONTENT)
     (tmp_path / "outside/ours").write_bytes(OURS)
-    (tmp_path / "place").mkdir()
-    return tmp_path / "place"
+    (tmp_path / "folder").mkdir()
+    return tmp_path / "folder"
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("kind", [*NEVER, *FILES])
-def test_single_file(kind: str, overwrite: bool, place: Path) -> None:
-    path = place / "out.json"
+def test_single_file(kind: str, overwrite: bool, folder_path: Path) -> None:
+    path = folder_path / "out.json"
     (NEVER | FILES)[kind](path)
-    before = states(place.parent)
+    before = states(folder_path.parent)
     if kind in NEVER or not (overwrite or kind in ("nothing", "empty file", "file of ours")):
         words = "cannot be written: it is a" if kind in NEVER else "was not written by emla.*--overwrite"
         with pytest.raises(CommandError, match=words):
             OutputFile(path, "the file", has_format("emla-test"), overwrite)
-        assert states(place.parent) == before
+        assert states(folder_path.parent) == before
         return
     OutputFile(path, "the file", has_format("emla-test"), overwrite).write(NEW)
     assert path.read_bytes() == NEW
-    assert [p.name for p in place.iterdir()] == ["out.json"]
+    assert [p.name for p in folder_path.iterdir()] == ["out.json"]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_names_of_single_files(name: str, place: Path) -> None:
+def test_names_of_single_files(name: str, folder_path: Path) -> None:
     for content in (b"1", b"2"):
-        OutputFile(place / name, "the file", lambda path: path.read_bytes() == b"1").write(content)
+        OutputFile(folder_path / name, "the file", lambda path: path.read_bytes() == b"1").write(content)
     with pytest.raises(CommandError, match="was not written by emla"):
-        OutputFile(place / name, "the file", lambda _: False)
-    assert [p.name for p in place.iterdir()] == [name]
+        OutputFile(folder_path / name, "the file", lambda _: False)
+    assert [p.name for p in folder_path.iterdir()] == [name]
 
 
 class RunFolder(Folder):
@@ -151,89 +142,87 @@ ALLOWED = list(HOLDERS)[:7]
 
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("kind", HOLDERS)
-def test_folder(kind: str, overwrite: bool, place: Path) -> None:
+def test_folder(kind: str, overwrite: bool, folder_path: Path) -> None:
     for name, content in HOLDERS[kind].items():
-        (place / name).write_bytes(content)
+        (folder_path / name).write_bytes(content)
     if kind == "new":
-        place.rmdir()
-    before = states(place.parent)
+        folder_path.rmdir()
+    before = states(folder_path.parent)
     if not (overwrite or kind in ALLOWED):
         with pytest.raises(CommandError, match=r"has '.*', which was not written by emla.*--overwrite"):
-            RunFolder(place)
-        assert states(place.parent) == before
+            RunFolder(folder_path)
+        assert states(folder_path.parent) == before
         return
-    folder = RunFolder(place, overwrite)
+    folder = RunFolder(folder_path, overwrite)
     with folder.alone():
         folder.write("run.json", RUN)
         folder.write("a.csv", NEW)
-    assert (place / "a.csv").read_bytes() == NEW
+    assert (folder_path / "a.csv").read_bytes() == NEW
     ours = {"run.json", "a.csv", ".unfinished-abcdefgh"}
-    after = states(place)
-    assert all(after[name] == before[f"place/{name}"] for name in HOLDERS[kind].keys() - ours)
+    after = states(folder_path)
+    assert all(after[name] == before[f"folder/{name}"] for name in HOLDERS[kind].keys() - ours)
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("name", ["run.json", "a.csv", "a.png"])
 @pytest.mark.parametrize("kind", NEVER)
-def test_special_files_in_a_folder(kind: str, name: str, overwrite: bool, place: Path) -> None:
+def test_special_files_in_a_folder(kind: str, name: str, overwrite: bool, folder_path: Path) -> None:
     if name != "run.json":
-        (place / "run.json").write_bytes(RUN)
-    NEVER[kind](place / name)
-    before = states(place.parent)
+        (folder_path / "run.json").write_bytes(RUN)
+    NEVER[kind](folder_path / name)
+    before = states(folder_path.parent)
     with pytest.raises(CommandError, match="cannot be written: it is a"):
-        RunFolder(place, overwrite)
-    assert states(place.parent) == before
+        RunFolder(folder_path, overwrite)
+    assert states(folder_path.parent) == before
 
 
 @pytest.mark.parametrize(
     "kind", ["file", "link to a file", "link to nothing", "link to itself", "pipe", "socket"]
 )
-def test_output_folder_that_is_not_a_folder(kind: str, place: Path) -> None:
-    ({"file": write(USER_CONTENT)} | NEVER)[kind](place / "out")
-    before = states(place.parent)
+def test_output_folder_that_is_not_a_folder(kind: str, folder_path: Path) -> None:
+    ({"file": write(USER_CONTENT)} | NEVER)[kind](folder_path / "out")
+    before = states(folder_path.parent)
     for folder in (RunFolder, OutputFolder):
         with pytest.raises(CommandError, match=r"the output folder '.*' cannot be written: (it is|Sym)"):
-            folder(place / "out", overwrite=True)
-    assert states(place.parent) == before
+            folder(folder_path / "out", overwrite=True)
+    assert states(folder_path.parent) == before
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_names_of_folders(name: str, place: Path) -> None:
+def test_names_of_folders(name: str, folder_path: Path) -> None:
     for _ in range(2):
-        folder = RunFolder(place / name)
+        folder = RunFolder(folder_path / name)
         with (
             folder.alone(),
             pytest.raises(CommandError, match="another run writes to"),
-            exclusive_lock(place / name),
+            exclusive_lock(folder_path / name),
         ):
             pass
         with folder.alone():
             folder.write("run.json", RUN)
-    assert [p.name for p in place.rglob("*")] == [name, "run.json"]
+    assert [p.name for p in folder_path.rglob("*")] == [name, "run.json"]
 
 
 @pytest.mark.parametrize("name", [".running", ".running.json"])
 @pytest.mark.parametrize("kind", [*NEVER, "file of the user"])
-def test_lock_replaces_no_file(kind: str, name: str, place: Path) -> None:
-    (NEVER | FILES)[kind](place / name)
-    before = states(place.parent)
-    with pytest.raises(CommandError, match=name), RunFolder(place, overwrite=True).alone():
+def test_lock_replaces_no_file(kind: str, name: str, folder_path: Path) -> None:
+    (NEVER | FILES)[kind](folder_path / name)
+    before = states(folder_path.parent)
+    with pytest.raises(CommandError, match=name), RunFolder(folder_path, overwrite=True).alone():
         pass
-    assert states(place.parent) == before
+    assert states(folder_path.parent) == before
 
 
-def test_files_that_appear_later_stay(place: Path) -> None:
-    folder, file = RunFolder(place), OutputFile(place / "single", "the file", lambda _: False)
+def test_files_that_appear_later_stay(folder_path: Path) -> None:
+    folder, file = RunFolder(folder_path), OutputFile(folder_path / "single", "the file", lambda _: False)
     for name in ("run.json", "single"):
-        (place / name).write_bytes(USER_CONTENT)
+        (folder_path / name).write_bytes(USER_CONTENT)
     for writer in (lambda: folder.write("run.json", RUN), lambda: file.write(NEW)):
         with pytest.raises(Exception, match="appeared while emla ran, and emla did not write it"):
             writer()
     folder.remove(["run.json"])
-    assert {p.name: p.read_bytes() for p in place.iterdir()} == {
-        "run.json": USER_CONTENT,
-        "single": USER_CONTENT,
-    }
+    content = {path.name: path.read_bytes() for path in folder_path.iterdir()}
+    assert content == {"run.json": USER_CONTENT, "single": USER_CONTENT}
 
 
 def test_every_record_is_recognized_as_earlier_versions_wrote_it(tmp_path: Path) -> None:

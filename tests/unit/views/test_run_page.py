@@ -112,13 +112,12 @@ def test_metrics_are_those_of_metrics_json(page: ElementTree.Element, folder: Pa
     header, *rows = (cells(row) for row in page.findall(".//*[@id='figures']//tr"))
     content = json.loads((folder / "metrics.json").read_text())["joints"]
     assert header[1:-1] == list(content)
-    shown = {row[0]: row[1:-1] for row in rows}
+    texts = {row[0]: row[1:-1] for row in rows}
     for display in result.shown["joints"]:
-        for joint, text in zip(content, shown[display.label], strict=True):
+        for joint, text in zip(content, texts[display.label], strict=True):
             value = content[joint][display.name]
-            words = {"True": "yes", "False": "no", "None": "none"}.get(
-                str(value)
-            )  # none, as the run is short
+            # none, as the run is short
+            words = {"True": "yes", "False": "no", "None": "none"}.get(str(value))
             number = 0.0 if words else display.factor * value
             assert text == words or float(text.replace(",", "")) == pytest.approx(number, rel=1e-3)
 
@@ -137,10 +136,10 @@ def test_signal_metrics_match_their_rows(page: ElementTree.Element, result: Resu
     assert list(rows) == result.names
     values = result["lift.plant.i_q"]
     expected = [values.min(), values.max(), math.sqrt(np.mean(values**2)), values[-1]]
-    shown = rows["lift.plant.i_q"]
+    row = rows["lift.plant.i_q"]
     # metrics use every communication point, rows every tenth
-    assert [float(text) for text in shown[1:5]] == pytest.approx(expected, rel=5e-3)
-    assert shown[5] == "A"
+    assert [float(text) for text in row[1:5]] == pytest.approx(expected, rel=5e-3)
+    assert row[5] == "A"
 
 
 def test_settings_and_components_are_those_of_run_json(page: ElementTree.Element, folder: Path) -> None:
@@ -158,17 +157,24 @@ def test_settings_and_components_are_those_of_run_json(page: ElementTree.Element
     assert [box.partition(":")[0] for box in boxes] == list(record["components"])
 
 
-def test_failure_is_shown_first(result: Result) -> None:
-    failed = replace(result, problem="the run ended at t = 1 s: <b>it broke</b>.", remarks=["It diverged."])
+@pytest.fixture(scope="module")
+def few_rows(result: Result) -> Result:
+    """The run with a small table, whose page is made in a moment."""
+    small = rebuilt(result, ["a.x"], np.array([[0.0, 1.0], [1.0, 2.0]]))
+    return replace(small, metrics=result.metrics, shown=result.shown)
+
+
+def test_failure_is_shown_first(few_rows: Result) -> None:
+    failed = replace(few_rows, problem="the run ended at t = 1 s: <b>it broke</b>.", remarks=["It diverged."])
     text = render_page(failed, ["a unit is <i>odd</i>"])
     assert '<h1 class="failed">' in text and "&lt;b&gt;it broke" in text and "&lt;i&gt;odd" in text
     assert text.index("it broke") < text.index("It diverged.") < text.index("position error")
 
 
-def test_options_are_shown_and_files_without_folders(result: Result) -> None:
-    given = {"input": [{"file": "/a/folder/load.csv", "end": "hold"}], "parameters": ["/a/folder/more.ssv"]}
-    changed = {**given, "set": {"a.b": 2}, "gains": "x"}
-    text = render_page(replace(result, record={**result.record, "changed": changed}))
+def test_options_are_shown_and_files_without_folders(few_rows: Result) -> None:
+    files = {"input": [{"file": "/a/folder/load.csv", "end": "hold"}], "parameters": ["/a/folder/more.ssv"]}
+    changed = {**files, "set": {"a.b": 2}, "gains": "x"}
+    text = render_page(replace(few_rows, record={**few_rows.record, "changed": changed}))
     for words in ("input</bdi> <b><bdi>load.csv</bdi></b>", "more.ssv</bdi>", "gains</bdi>"):
         assert f"<bdi>{words}" in text
     assert "<bdi>set a.b</bdi> <b><bdi>2</bdi></b>" in text and "/a/folder" not in text
@@ -225,8 +231,9 @@ def test_signal_metrics_are_those_of_metrics_json(result: Result, folder: Path) 
 def test_constant_picture_is_left_out(result: Result) -> None:
     table = result.read(["time", *result.names])
     data = {name: 0.0 * x if ".theta[" in name else x for name, x in table.items()}
-    with_all, _ = build_pictures(result, table, Plots())
-    without, _ = build_pictures(result, data, Plots())
+    lift = replace(result, metrics={"joints": {"lift": result.metrics["joints"]["lift"]}})
+    with_all, _ = build_pictures(lift, table, Plots())
+    without, _ = build_pictures(lift, data, Plots())
     assert {p.title for p in with_all} - {p.title for p in without} == {"Adaptation of the controller"}
 
 
@@ -279,10 +286,8 @@ def test_hostile_content_does_nothing(browser: Any, result: Result, tmp_path: Pa
     values = np.column_stack(
         [time, np.where(time > 0.5, np.nan, 1e308 * np.sin(9 * time)), np.full(rows, np.inf), 1e-320 * time]
     )
-    components = {
-        f"a{SCRIPT}": {"fmu": SCRIPT, "sha256": SCRIPT, "changed": {}},
-        "b": {"fmu": "", "sha256": ""},
-    }
+    hostile = {"fmu": SCRIPT, "sha256": SCRIPT, "changed": {}}
+    components = {f"a{SCRIPT}": hostile, "b": {"fmu": "", "sha256": ""}}
     record = {**result.record, "components": components, "connections": [f"a{SCRIPT}.x -> b.y", SCRIPT]}
     hostile_result = rebuilt(result, names, values, name=SCRIPT, remarks=[SCRIPT], record=record, steps=rows)
     hostile_result = replace(hostile_result, units=dict.fromkeys(names, SiUnit(SCRIPT)))
@@ -309,15 +314,12 @@ def test_system_without_pictures_is_shown_by_unit(result: Result) -> None:
     names = ["pump.p", "pump.q", "valve.p", "valve.still"]
     plain_result = rebuilt(result, names, np.column_stack([time, time, 2 * time, 3 * time, 0 * time]))
     units = {"pump.p": SiUnit("Pa"), "pump.q": SiUnit("m3/s"), "valve.p": SiUnit("Pa"), "valve.still": None}
-    plain_result = replace(
-        plain_result, units=units, signals={"valve.still": {"minimum": 0.0, "maximum": 0.0}}
-    )
+    constant = {"valve.still": {"minimum": 0.0, "maximum": 0.0}}
+    plain_result = replace(plain_result, units=units, signals=constant)
     plots = Plots()
     build_pictures(plain_result, plain_result.read(["time", *names]), plots)
-    actual = [
-        (plot.yaxis.axis_label, [item.label.value for item in plot.legend[0].items])
-        for plot in plots.figures.values()
-    ]
+    figures = plots.figures.values()
+    actual = [(x.yaxis.axis_label, [item.label.value for item in x.legend[0].items]) for x in figures]
     assert actual == [("Pa", ["pump.p", "valve.p"]), ("m3/s", ["pump.q"])]
 
 
