@@ -69,7 +69,7 @@ def tone(hertz: float, growth: float, end: float, stop: float = 4.0) -> Any:
     end=st.sampled_from([0.3, 3.0, 30.0]),
     seed=st.integers(0, 1000),
 )
-@settings(max_examples=20)
+@settings(max_examples=12)
 def test_growing_tone_is_an_oscillation_and_decaying_one_is_not(
     hertz: float, growth: float, end: float, seed: int
 ) -> None:
