@@ -88,10 +88,10 @@ def take(study: str, folder: Path) -> None:
 
 def make_tables(rows: Sequence[Row]) -> dict[str, str]:
     """Return the tables of the page by the names of their places."""
-    short = (ERROR, "torque_effort_N_m", "torque_peak_N_m", "settling_time_s")
+    short = (ERROR, "torque_effort_N_m", "torque_peak_N_m")
     return {
         "drive": _nominal([row for row in rows if row["study"] == "drive"], short),
-        "equal": _nominal([row for row in rows if row["study"] == "equal"], (ERROR, "torque_peak_N_m")),
+        "equal": _nominal([row for row in rows if row["study"] == "equal"], (ERROR,)),
         "paper": _beside_paper([row for row in rows if row["study"] == "paper"]),
         "held": _held([row for row in rows if any(row["study"] in names for names in PICTURES.values())]),
     }
@@ -126,7 +126,7 @@ def _nominal(rows: Sequence[Row], figures: Sequence[str]) -> str:
 
 
 def _beside_paper(rows: Sequence[Row]) -> str:
-    """Return the sets that are held beside the printed numbers."""
+    """Return means of the sets that are held beside the printed numbers; the CSV file has the spreads."""
     ours = [
         ("rsba", "damped"),
         ("rsba", "compensated"),
@@ -147,7 +147,7 @@ def _beside_paper(rows: Sequence[Row]) -> str:
                 shown, texts = DISPLAYS[figure], list[str]()
                 for controller, gains in ours:
                     row = cells.get((label, controller, gains))
-                    texts.append(_mean(row, figure) if row else "")
+                    texts.append(format_rounded(shown.factor * float(row[figure])) if row else "")
                 values = [getattr(printed[controller], figure) for controller in PRINTED_CONTROLLERS]
                 texts += [format_rounded(shown.factor * value) for value in values]
                 lines.append(f"| {label}: {shown.label} / {shown.unit} | {' | '.join(texts)} |")
