@@ -1,7 +1,6 @@
 """Run other people's FMUs in FMPy and in this master, compare the results, and write tables.
 
     python docs/foreign_fmus.py FOLDER OUTPUT [--limit SECONDS] [--jobs N] [--only TEXT] [--kind ME]
-    python -m docs.paste docs/tools.md foreign OUTPUT
 
 FOLDER is searched for FMUs; copies of one file count once. OUTPUT gets `fmus.csv`, a row for each FMU and
 kind (co-simulation, Model Exchange), and `comparison.md`, the summary by tool. Every run has its own process

@@ -1,10 +1,4 @@
-"""Put the tables of a comparison into a page: `python -m docs.paste docs/tools.md foreign OUTPUT`.
-
-The text between `<!-- NAME begins -->` and `<!-- NAME ends -->` is replaced by the folder's comparison.md.
-"""
-
-import sys
-from pathlib import Path
+"""Put a table into a page, between `<!-- NAME begins -->` and `<!-- NAME ends -->`."""
 
 
 def pasted(page: str, name: str, tables: str) -> str:
@@ -15,14 +9,3 @@ def pasted(page: str, name: str, tables: str) -> str:
     if not (found and ended):
         raise ValueError(f"the page has no place between '{begin}' and '{end}'")
     return f"{before}{begin}\n{tables.strip()}\n{end}{after}"
-
-
-def main(page: str, name: str, folder: str) -> None:
-    """Paste the tables, and write the page."""
-    path = Path(page)
-    tables = (Path(folder) / "comparison.md").read_text(encoding="utf-8")
-    path.write_text(pasted(path.read_text(encoding="utf-8"), name, tables), encoding="utf-8", newline="\n")
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])
