@@ -70,6 +70,7 @@ def read_clock(texts: polars.Series, label: str) -> tuple[Vector, str]:
     afternoon = parts["half"].str.to_lowercase().str.starts_with("p")
     hour = (hour % 12 + 12 * afternoon.cast(polars.Int64)).zip_with(parts["half"].is_not_null(), hour)
     fraction = parts["fraction"].fill_null("0").str.pad_end(9, "0").cast(polars.Int64)
+    # whole nanoseconds: doubles would round clock times of a day to about 10 ns
     moments = (((hour * 60 + minute) * 60 + second) * 1_000_000_000 + fraction).to_numpy().astype(np.int64)
     order = ""
     if dated.any():
@@ -79,6 +80,7 @@ def read_clock(texts: polars.Series, label: str) -> tuple[Vector, str]:
         days, order = _days(parts["date"], label)
         moments = moments + days * _DAY
     else:
+        # a smaller step back is a mistake in the data, which `read_times` reports
         moments = moments + np.concatenate([[0], np.cumsum(np.diff(moments) < -_DAY // 2)]) * _DAY
     zones = parts["zone"].fill_null("")
     minutes = {  # Z, UTC and none are 0
@@ -107,10 +109,10 @@ def _days(dates: polars.Series, label: str) -> tuple[np.ndarray, str]:
     """Return the days of dates, from any day, and the order of day and month if it was concluded.
 
     Raises:
-        CommandError: If a date does not exist, or day and month cannot be told apart.
+        CommandError: If a date does not exist, or the order of day and month is ambiguous.
     """
     texts = dates.unique(maintain_order=True).to_list()
-    if len(texts) == 1:
+    if len(texts) == 1:  # any reading gives the same times, also an ambiguous one
         return np.zeros(len(dates), np.int64), ""
     parts = {t: re.split("([-./])", f"{t[:4]}-{t[4:6]}-{t[6:]}" if t.isdigit() else t) for t in texts}
     if wrong := next((text for text, part in parts.items() if part[1] != part[3]), None):

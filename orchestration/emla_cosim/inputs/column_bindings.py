@@ -65,6 +65,7 @@ def bind_columns(
     Raises:
         CommandError: If a signal or column does not exist, units do not fit, or there are no bindings.
     """
+    # the main component can be left out in names, as in options
     main = f"{system.main_name}."
     allowed_names = dict.fromkeys([*names.all, *(name.removeprefix(main) for name in names.all)])
     data.match_names(allowed_names)
@@ -126,6 +127,7 @@ def find_column(source: Input, data: DataTable, column: Column) -> tuple[int, Co
     """
     text, order, unit = column.column.strip(), column.derivative, column.unit
     position = data.find(text)
+    # the whole text first: results of an FMU have columns called der(x)
     while position is None and text.startswith("der(") and text.endswith(")"):
         text, order = text[4:-1].strip(), order + 1
         position = data.find(text)
@@ -186,6 +188,7 @@ def _is_connected(output: NamedVariable, system: System) -> bool:
 
 def _explain_unmatched(columns: Sequence[str], names: Names) -> str:
     signals = [n for n, v in names.all.items() if v.variable.causality in ("input", "output")]
+    # of the first columns only: each comparison with all signals takes time
     near = [s for name in columns[:20] for s in difflib.get_close_matches(name, signals, n=1, cutoff=0.6)]
     advice = (
         f"did you mean {join_names(near[:3])}?"

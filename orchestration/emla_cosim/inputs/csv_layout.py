@@ -156,6 +156,7 @@ def _is_row(cells: Sequence[str]) -> bool:
 def _is_units(cells: Sequence[str]) -> bool:
     """Return whether cells are those of a row of units: at least one is, and none is a number."""
     bare = [bare_unit(c) for c in cells]
+    # a letter or a sign of a unit: "1" and "-" are units of numbers without one, but also data
     return any(is_unit(c) for c in bare if any(x.isalpha() or x in "°%" for x in c)) and not any(
         NUMBER.fullmatch(c) and not is_dimensionless(c) for c in bare
     )
@@ -179,6 +180,7 @@ def _first_lines(content: bytes) -> list[_Line]:
     while begin < len(content) and len(lines) < _SEARCHED:
         end = _end_of_line(content, begin)
         line = content[begin:end]
+        # an odd number of quotes: a name with a line break, or inches
         if line.count(b'"') % 2 and (last := _end_of_quotes(content, begin)):
             end, line = last, content[begin:last]
         if line.strip() and not line.startswith(b"#"):

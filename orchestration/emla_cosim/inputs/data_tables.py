@@ -129,6 +129,7 @@ class DataTable:
         key = source, as_text or element is not None
         if key not in self._columns:
             (column,) = self._read([source], key[1])
+            # lists stay lists: their text would have to be parsed again
             as_written = not key[1] or column.dtype.is_nested()
             self._columns[key] = column if as_written else column.cast(polars.String)
         column = self._columns[key]

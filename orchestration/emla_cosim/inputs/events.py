@@ -73,5 +73,5 @@ def _repeat_jumps(source: Input, times: Vector, jumps: Vector, stop: float) -> l
     if source.end == "repeat" and stop > times[-1]:
         rounds = math.ceil((stop - float(times[-1])) / period)
     if (rounds + 1) * (len(jumps) + 1) > MOST:
-        return []
+        return []  # steps that end at every row of a long recording would take too long
     return [float(t) + k * period for k in range(rounds + 1) for t in (*jumps, times[-1])]

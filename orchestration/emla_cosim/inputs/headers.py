@@ -48,6 +48,7 @@ class Header:
         if match is None:
             return cls(text, text.strip(), unit)
         name, inside = match["name"].strip(), str(match[match.lastgroup or "name"]).strip()
+        # without a space before the bracket, it may be an argument
         is_name = name.endswith("der") or not name[-1].isalnum() or not is_unit(inside)
         if match["space"] == "" and is_name:
             return cls(text, text.strip())  # der(s) and f(x) are names

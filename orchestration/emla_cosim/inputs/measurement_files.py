@@ -56,15 +56,11 @@ def read_groups(file: Path, content: bytes, label: str) -> list[ChannelGroup]:
         label: What error messages call it.
 
     Raises:
-        CommandError: If it cannot be read, or the package for it is not installed.
+        CommandError: If the package for it is not installed.
     """
     read, extra = (_read_tdms, "tdms") if content.startswith(b"TDSm") else (_read_mdf, "mdf")
     require_extra(extra, label)
-    try:
-        return read(file)
-    except Exception as error:  # the packages raise errors of many types
-        reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
-        raise CommandError(f"{label} cannot be read: {reason}.") from error
+    return read(file)
 
 
 def choose_group(groups: Sequence[ChannelGroup], names: Sequence[str], label: str) -> ChannelGroup:

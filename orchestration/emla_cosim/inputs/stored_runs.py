@@ -140,6 +140,6 @@ def _is_unfinished(folder: Path) -> bool:
     """Return whether run.json says so."""
     try:
         record = json.loads((folder / "run.json").read_bytes())
-    except (OSError, ValueError, RecursionError):
+    except (OSError, ValueError, RecursionError):  # a table without a readable record is complete
         return False
     return isinstance(record, dict) and record.get("status") == UNFINISHED_STATUS

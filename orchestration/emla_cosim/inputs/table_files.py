@@ -26,7 +26,7 @@ _T = TypeVar("_T")
 
 _PARQUET = b"PAR1"
 _HEAD = 16
-"""The number of bytes by which formats are told apart."""
+"""The number of bytes that identify a format."""
 
 
 def read_table(file: Path, subject: str, columns: Sequence[str] = (), is_result: bool = False) -> DataTable:
@@ -46,7 +46,8 @@ def read_table(file: Path, subject: str, columns: Sequence[str] = (), is_result:
     if (form := format_of(file)) not in ("csv", "parquet"):
         return _read_registered(label, form, file)
     if is_measurement_file(begin):  # those can be larger than the memory
-        return _read_measurement(label, choose_group(read_groups(file, begin, label), columns, label))
+        groups = readable(label, lambda: read_groups(file, begin, label))
+        return _read_measurement(label, choose_group(groups, columns, label))
     if begin.startswith(_PARQUET) or file.suffix.lower() == ".parquet":
         return _read_parquet(label, file, is_result)
     return _read_csv(label, read_file(file, subject), is_result)
@@ -56,7 +57,9 @@ def readable(label: str, read: Callable[[], _T]) -> _T:
     """Return the result of `read`. Turn all its errors into a CommandError that begins with `label`."""
     try:
         return read()
-    except Exception as error:  # polars raises errors of many types
+    except CommandError:  # such as that of a package that is not installed
+        raise
+    except Exception as error:  # polars and the packages of measurement files raise errors of many types
         reason = getattr(error, "strerror", None) or (str(error) or type(error).__name__).splitlines()[0]
         raise CommandError(f"{label} cannot be read: {reason.rstrip('.')}.") from error
 
@@ -71,6 +74,7 @@ def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
     content, encoding = _to_utf_8(content)
     if b"\0" in content:
         raise CommandError(f"{label} is not a text file; it must be CSV or Parquet.")
+    # whole lines: a run may be writing the last one
     layout = find_result_layout(content[: content.rfind(b"\n") + 1]) if is_result else None
     if layout is not None:
         content = content[: content.rfind(b"\n") + 1]
@@ -139,7 +143,7 @@ def _to_utf_8(content: bytes) -> tuple[bytes, str | None]:
     content = content.removeprefix(codecs.BOM_UTF8)
     try:
         content.decode()
-    except UnicodeDecodeError:
+    except UnicodeDecodeError:  # Latin-1 last: it decodes any bytes
         try:
             content, encoding = content.decode("cp1252").encode(), "Windows-1252 (Latin-1)"
         except UnicodeDecodeError:
@@ -191,6 +195,7 @@ def _read_parquet(label: str, file: Path, is_result: bool) -> DataTable:
     except Exception as error:  # polars raises many types
         raise CommandError(f"{label} is not a Parquet file that can be read.") from error
     units, names = read_metadata_units(metadata), list(schema)
+    # the first row decides; `DataTable` compares the others with it
     lists = {
         i: len(first[i][0])
         for i, kind in enumerate(schema.values())

@@ -34,7 +34,7 @@ _LARGEST = 1e100
 """The largest value of a signal; differences and slopes of greater ones can overflow."""
 
 _DATA = "resources/table.bin"
-"""The file by which the FMU of a table is told from others."""
+"""The file that only the FMU of a table has."""
 
 
 def build_cached_fmu(
@@ -54,6 +54,7 @@ def build_cached_fmu(
     content = _make_content(table, driven)
     kinds = [column.interpolation for column in content.columns]
     digest = sha256(repr((content.outputs, content.end, kinds, sorted(platforms))).encode())
+    # by the numbers, not by the file: a changed comment or name must not build it again
     for numbers in (content.times, *(c.values for c in content.columns)):
         digest.update(numbers.tobytes())
     path = _folder() / digest.hexdigest()[:24] / "DataTable.fmu"
@@ -97,6 +98,7 @@ def build_data_fmu(
     if not bindings:
         raise CommandError(f"{table.source.label} has no column of numbers beside that of times.")
     booleans = [name for binding, name in bindings if binding.type.kind == "Boolean"]
+    # the compiled table has one kind of outputs
     if 0 < len(booleans) < len(bindings):
         raise CommandError(
             f"{table.source.label} has Booleans ({join_names(booleans[:8])}) beside numbers, but an FMU of "

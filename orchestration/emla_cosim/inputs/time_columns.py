@@ -56,6 +56,7 @@ def _find_column(table: DataTable, column: str | None) -> int:
                 return position
         raise table.no_column(column)
     positions: Sequence[int] = ()
+    # group by group: a file with `time` may have a column `t` that is something else
     for names in TIME_NAMES:
         positions = positions or [i for i, h in enumerate(table.headers) if is_time_name(h, names)]
     if len(positions) != 1:
@@ -87,7 +88,7 @@ def _numbers(table: DataTable, position: int, column: str | None, start: float, 
     declared = Header.of(column).unit if column is not None and column != header.text else None
     times, _ = table.in_unit(position, "time", find_unit("s"), declared)
     if is_raw or not len(times):
-        return times
+        return times  # results of a run may start at any time
     if times[0] > _LATEST_EPOCH:
         raise CommandError(
             f"{table.label} has the time {times[0]:.13g} s in row 1; if these are milliseconds since 1970, "

@@ -83,6 +83,7 @@ def wire_inputs(
         for name, part in replaced.items():
             fmus[name] = build_cached_fmu(table, [(binding, binding.variable) for binding in part], platforms)
             system = _replace_component(system, name, fmus[name])
+        # the FMU of a table has outputs of one kind, so numbers and Booleans need one each
         for letter in dict.fromkeys(TYPES[binding.type.kind] for binding in rest):
             part = [binding for binding in rest if TYPES[binding.type.kind] == letter]
             name = find_free_name(NAME, {x for c in system.components for x in (c.name, c.branch)})

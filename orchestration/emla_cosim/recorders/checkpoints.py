@@ -48,7 +48,7 @@ def find_resumable_checkpoint(
         folder: The folder.
 
     Raises:
-        CommandError: The file is no checkpoint of this run, or is already at the stop time.
+        CommandError: The file is not a checkpoint of this run, or is already at the stop time.
     """
     checkpoint = load_checkpoint(path, folder)
     try:
@@ -57,6 +57,7 @@ def find_resumable_checkpoint(
             raise TypeError
     except (KeyError, TypeError) as error:
         raise CommandError(f"'{path}' is not a checkpoint of a run.") from error
+    # entries of both: an earlier version may have known fewer of them
     for key in {**was, **identity}:
         before, value = was.get(key), identity.get(key)
         if before != value:

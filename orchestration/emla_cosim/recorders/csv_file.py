@@ -65,6 +65,10 @@ class CsvFile(FileTable):
     def _head(self) -> bytes:
         return polars.DataFrame(schema=dict.fromkeys(self.names, polars.Float64)).write_csv().encode()
 
+    @property
+    def _texts(self) -> dict[str, type[polars.DataType]]:
+        return {n: polars.String for n, signal_type in self.types.items() if signal_type.is_text}
+
     def is_ours(self, path: Path) -> bool:
         """Return whether a file has the columns that this run writes."""
         with path.open("rb") as stream:
@@ -107,13 +111,12 @@ class CsvFile(FileTable):
         with self.path.open("rb") as stream:
             _header(stream)
             while lines := stream.readlines(_BLOCK):
-                texts = {n: polars.String for n, signal_type in self.types.items() if signal_type.is_text}
-                schema = dict.fromkeys(self.names, polars.Float64) | texts
+                schema = dict.fromkeys(self.names, polars.Float64) | self._texts
                 yield frame_rows(polars.read_csv(b"".join(lines), has_header=False, schema=schema))
 
     def append(self, rows: Vector) -> None:
         """Store rows, those with texts at once: texts are in this process only. Raises OSError."""
-        if any(signal_type.is_text for signal_type in self.types.values()):
+        if self._texts:
             self.store(rows)
         else:
             super().append(rows)
@@ -141,14 +144,14 @@ class CsvFile(FileTable):
         """Return columns by name, without those that the file does not have; see `Table.read`."""
         self.drain()
         columns = {name: f"column_{i}" for i, name in enumerate(self.names)}
-        texts = {n: polars.String for n, signal_type in self.types.items() if signal_type.is_text}
+        types = dict.fromkeys(self.names, polars.Float64) | self._texts
         with self.path.open("rb") as stream:
             lines = _header(stream).count(b"\n")  # polars keeps doubled quotes in names
         table = polars.scan_csv(
             self.path,
             has_header=False,
             skip_lines=lines,
-            schema={column: texts.get(name, polars.Float64) for name, column in columns.items()},
+            schema={column: types[name] for name, column in columns.items()},
         ).select([columns[n] for n in names if n in columns])
         if most is not None:
             table = table.gather_every(max(-(-self.count_stored() // most), 1))

@@ -78,7 +78,7 @@ class FileTable(Table):
         self._waiting.append(rows.copy())
         self._waiting_count += len(rows)
         is_full = self._waiting_count * len(self.names) >= _MOST_VALUES
-        if is_full:
+        if is_full:  # a disk that is slower than the steps must not fill the memory
             self._join()
         waited_s = time.monotonic() - self._started_at
         if is_full or self._waiting_count >= self.batch_rows or waited_s >= self.batch_seconds:

@@ -63,7 +63,7 @@ class ParquetFile(FileTable):
         self._remove_parts()
         self._parts.mkdir()
         self._count = self._rows = 0
-        if earlier is not None:
+        if earlier is not None:  # before the file is removed, so that no kill loses its rows
             self._write_part(earlier)
             self.path.unlink(missing_ok=True)  # only a finished run has the file
 

@@ -33,9 +33,9 @@ def format_of(path: Path) -> str:
     )
 
 
-def table_names(stem: str = "results") -> list[str]:
+def table_names() -> list[str]:
     """Return the names that a table of results can have, one for each format."""
-    return [f"{stem}.{name}" for name in TABLES]
+    return [f"results.{name}" for name in TABLES]
 
 
 RECORDERS: dict[str, type[Recorder]] = {}

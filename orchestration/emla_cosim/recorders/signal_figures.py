@@ -81,6 +81,7 @@ def _merge_figures(before: Vector, rows: int, after: Vector, more: int) -> Vecto
         (
             np.minimum(before[0], after[0]),
             np.maximum(before[1], after[1]),
+            # hypot: the squares themselves could overflow
             np.hypot(before[2] * np.sqrt(rows / total_rows), after[2] * np.sqrt(more / total_rows)),
             after[3],
         )

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
 
 STEP = {"step_size": 0.1, "stop_time": 1.0}
@@ -18,11 +17,7 @@ STEP = {"step_size": 0.1, "stop_time": 1.0}
         ((0.1, 0.9), "hold", ""),  # a step is not worth a remark
         ((0.5, 2.0), "hold", "the first values hold until 0.5 s (shift= moves the data)."),
         ((-1.0, 0.5), "hold", "the last values hold after 0.5 s (shift= moves the data)."),
-        (
-            (0.3, 0.5),
-            "hold",
-            "until 0.3 s, and the last values hold after 0.5 s (shift= moves the data).",
-        ),
+        ((0.3, 0.5), "hold", "until 0.3 s, and the last values hold after 0.5 s (shift= moves the data)."),
         ((0.0, 0.5), "repeat", ""),
     ],
 )
@@ -36,17 +31,6 @@ def test_values_that_hold_are_reported(
         for _ in range(2):
             actual = [text for text in simulation.run().remarks if "cover" in text]
             assert len(actual) == bool(remark) and all(remark in text for text in actual)
-
-
-def test_data_after_the_run_are_refused(faulty_fmu: Path, tmp_path: Path) -> None:
-    data = tmp_path / "u.csv"
-    data.write_text("time [ms],u\n125000,1\n126000,2\n")
-    source = ec.Input(data, {"Faulty.u": "u"})
-    with (
-        ec.load(str(faulty_fmu), **STEP, input=[source]).prepare() as simulation,
-        pytest.raises(CommandError, match=r"data from 125 to 126 s, after the run, from 0 to 1 s"),
-    ):
-        simulation.run()
 
 
 def test_sweeps_say_it_once(faulty_fmu: Path, tmp_path: Path, on_one_cluster: None) -> None:

@@ -171,15 +171,15 @@ def test_run_stops_at_the_last_point_within_the_data(fmu_folder: Path, measured:
         limit_to_data_end(scenario.options.updated({"start_time": 0.0399}))
 
 
-@pytest.mark.parametrize("chosen", [(0, 1), (1, 0)])
-def test_first_data_with_end_stop_end_the_run(chosen: tuple[int, int], fmu_folder: Path) -> None:
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_first_data_with_end_stop_end_the_run(order: tuple[int, int], fmu_folder: Path) -> None:
     """The third ends before both, but holds its last value."""
     signals = ("lift.plant.supply.sag", LOAD, "lift.plant.fault.R_s")
     sources = [
         ec.Input(data={"t": [0.0, until], "x": [0.0, 1.0]}, signals={signal: "x"}, end=end)
         for signal, until, end in zip(signals, (0.02, 0.03, 0.01), ("stop", "stop", "hold"), strict=True)
     ]
-    two = [sources[i] for i in chosen]
+    two = [sources[i] for i in order]
     assert limit_to_data_end(lift(fmu_folder, *two).options).stop_time == pytest.approx(0.02)
     assert find_data_end([sources[2], *two], 0.0) == pytest.approx(0.02)
     assert find_data_end([sources[2], sources[1]], 0.0) == pytest.approx(0.03)

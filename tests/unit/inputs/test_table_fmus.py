@@ -102,10 +102,7 @@ def test_command_replaces_fmus_of_data_only(
     ("arguments", "message"),
     [
         (["none.csv"], "the input 'none.csv' cannot be read"),
-        (
-            ["measured.csv", "--set", "a=1"],
-            "has data, for which there are only --fmi",
-        ),
+        (["measured.csv", "--set", "a=1"], "has data, for which there are only --fmi"),
         (["measured.csv", "--flavour", "python"], "for which there are only"),
         (["measured.csv:Weg", "measured.csv:Force"], "have the same name; build one at a time"),
         (["measured.csv:note"], "has no column of numbers"),

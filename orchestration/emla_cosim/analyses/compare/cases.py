@@ -45,6 +45,7 @@ class ComparisonCase:
         fixed = [dict.fromkeys(_find_start_values(name, prepared), value) for name, value in self.set.items()]
         scaled = [_scale_values(pattern, factor, prepared) for pattern, factor in self.scale.items()]
         shifted = [] if self.start_error is None else [_shift_start(self.start_error, prepared)]
+        # values to set must all exist; of those to scale, a joint may have some only
         if not all((*fixed, *shifted)) or (scaled and not any(scaled)):
             return None
         return {name: value for change in (*fixed, *scaled, *shifted) for name, value in change.items()}

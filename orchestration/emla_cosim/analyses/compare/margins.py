@@ -1,7 +1,7 @@
 """Stability margins of each joint with each controller, where its reference moves fastest."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import polars
@@ -72,6 +72,7 @@ def measure_margins(
     for key, figures in list_joint_figures(plan, outcomes):
         if LARGEST_SPEED in figures and figures[LARGEST_SPEED] > fastest.get(key, (-1.0, 0.0))[0]:
             fastest[key] = figures[LARGEST_SPEED], figures[FASTEST_AT]
+    # the first run of each prepared system: further ones differ in their seeds only
     runs = list({run.group: run for run in reversed(plan.runs)}.values())[::-1]
     progress.begin("measuring margins", len(runs), "systems")
     rows = list[dict[str, Any]]()
@@ -150,32 +151,29 @@ def list_missed_conditions(figures: Mapping[str, Any]) -> list[str]:
     return [name for name, is_met in met.items() if not is_met]
 
 
-def build_margin_tables(result: CompareResult) -> list[ReportTable]:
-    """Return a table for each joint, with a row for each loop of each controller."""
-    joints = result.group("scenario", "joint")
-    return [_build_table(scenario, joint, rows) for (scenario, joint), rows in joints.items()]
-
-
-def _build_table(scenario: str, joint: str, rows: list[Row]) -> ReportTable:
-    body, lines = list[list[Text | str]](), list[int]()
-    statistics = group_by_variant(rows)
-    errors, observers = mark_winner(statistics, choose_position_error(rows)), name_observers(rows)
-    for name, summary in statistics.items():
-        lines.append(len(body))
-        heads = [(name, errors[name]), (observers[name], "")]
-        for loop, head in zip(LOOPS, heads, strict=True):
-            body.append([*head, loop.removesuffix("_loop"), *_list_cells(summary.rows[0], loop)])
-    times = sorted({row[AT] for row in rows if row[AT] is not None})
-    delay = next((row[DELAY] for row in rows if row[DELAY] is not None), None)
-    when = f" at t = {' and '.join(f'{at:.4g}' for at in times)} s" if times else ""
-    delay_text = "unknown" if delay is None else f"{1e3 * delay:.3g} ms"
-    under = [
-        f"Computing delay: {delay_text}. Conditions: phase margin of at least {LEAST_PHASE_DEG:g}°, gain "
-        f"margins of at least {LEAST_GAIN_DB:g} dB both ways, Ms of at most {LARGEST_MS:g}. none: nothing "
-        "limits it."
-    ]
-    under += describe_ranking(rows)
-    return ReportTable(f"{joint} of {scenario}: stability margins{when}", _HEADER, body, under, lines)
+def build_margin_tables(result: CompareResult) -> Iterator[ReportTable]:
+    """Yield a table for each joint, with a row for each loop of each controller."""
+    for (scenario, joint), rows in result.group("scenario", "joint").items():
+        body, lines = list[list[Text | str]](), list[int]()
+        statistics = group_by_variant(rows)
+        errors, observers = mark_winner(statistics, choose_position_error(rows)), name_observers(rows)
+        for name, summary in statistics.items():
+            lines.append(len(body))
+            heads = [(name, errors[name]), (observers[name], "")]
+            for loop, head in zip(LOOPS, heads, strict=True):
+                # the loops of all seeds are measured at one operating point: the first row has them
+                body.append([*head, loop.removesuffix("_loop"), *_list_cells(summary.rows[0], loop)])
+        times = sorted({row[AT] for row in rows if row[AT] is not None})
+        delay = next((row[DELAY] for row in rows if row[DELAY] is not None), None)
+        when = f" at t = {' and '.join(f'{at:.4g}' for at in times)} s" if times else ""
+        delay_text = "unknown" if delay is None else f"{1e3 * delay:.3g} ms"
+        under = [
+            f"Computing delay: {delay_text}. Conditions: phase margin of at least {LEAST_PHASE_DEG:g}°, gain "
+            f"margins of at least {LEAST_GAIN_DB:g} dB both ways, Ms of at most {LARGEST_MS:g}. none: "
+            "nothing limits it.",
+            *describe_ranking(rows),
+        ]
+        yield ReportTable(f"{joint} of {scenario}: stability margins{when}", _HEADER, body, under, lines)
 
 
 def _list_cells(row: Row, loop: str) -> list[Text | str]:

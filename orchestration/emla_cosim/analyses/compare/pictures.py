@@ -81,23 +81,25 @@ def _draw_figures(result: CompareResult) -> "Figure":
     if (error := choose_position_error(result.rows.rows(named=True)).name) not in bars:
         bars = [error, *_BARS, "load_settling_time_s"]
     height = 0.6 + 0.22 * len(result.entrants)
+    printed = PRINTED if result.table == PAPER else ()
     figure, grid = new_figure(len(joints), len(bars), 2.6, height, sharex="none")
     for axes_row, ((scenario, joint), rows) in zip(grid, joints.items(), strict=True):
         for axes, name in zip(axes_row, bars, strict=True):
             if all(row[name] is None for row in rows):  # a rigid load beside one that is not
                 axes.set_axis_off()
                 continue
-            printed = _find_printed(scenario, joint, name) if result.table == PAPER else None
-            _draw_bars(axes, result, group_by_variant(rows), displays[name], printed)
+            cells = next((t.cells[scenario, joint] for t in printed if (scenario, joint) in t.cells), None)
+            paper = None if cells is None else getattr(cells["rsba"], name)
+            _draw_bars(axes, result, group_by_variant(rows), displays[name], paper)
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
         axes_row[0].set_ylabel("\n".join(dict.fromkeys([scenario, joint])), fontsize=9)
     for axes, name in zip(grid[-1], bars, strict=True):
         axes.set_xlabel(f"{displays[name].label} / {displays[name].unit}", fontsize=9)
-    paper = "; dotted: the paper's RSBA" if result.table == PAPER else ""
-    unequal = describe_inequality(result.rows.rows(named=True))
-    remark = "; terms are not equal: see comparison.md" if unequal else ""
-    figure.suptitle(f"Controllers side by side{paper}{remark}", fontsize=12, fontweight="bold")
+    title = "Controllers side by side; dotted: the paper's RSBA" if printed else "Controllers side by side"
+    if describe_inequality(result.rows.rows(named=True)):
+        title += "; terms are not equal: see comparison.md"
+    figure.suptitle(title, fontsize=12, fontweight="bold")
     return figure
 
 
@@ -160,13 +162,6 @@ _NOTE_STYLE: dict[str, Any] = {"va": "center", "fontsize": 7, "color": _NOT_HELD
 _WINNER_STYLE: dict[str, Any] = {"va": "center", "ha": "right", "fontsize": 7, "fontweight": "bold"}
 
 
-def _find_printed(scenario: str, joint: str, figure: str) -> float | None:
-    for table in PRINTED:
-        if (scenario, joint) in table.cells:
-            return getattr(table.cells[scenario, joint]["rsba"], figure)
-    return None
-
-
 def _draw_errors(result: CompareResult) -> "Figure":
     """Draw the position error of each joint over time, for each controller."""
     joints = result.group("scenario", "joint")
@@ -224,6 +219,7 @@ def _draw_cases(result: CompareResult) -> "Figure":
     shades = LinearSegmentedColormap.from_list("error", _SHADES).with_extremes(bad=_NOT_HELD)
     errors = result.rows.filter(polars.col(HELD))[display.name].drop_nulls().drop_nans().to_numpy()
     low, high = (np.fmax(end(errors), _MIN_ERROR_M) if len(errors) else 1.0 for end in (np.min, np.max))
+    # at least a decade: equal errors must not look as different as the whole scale
     norm = LogNorm(1e6 * low, 1e6 * max(high, 10.0 * low))
     picture: Any = None
     for axes, ((_, joint), rows) in zip(grid[0], joints.items(), strict=True):

@@ -144,7 +144,7 @@ def plan_runs(
                 # a foreign controller may have no such parameters
                 if terms.reserves is not None and not find_reserve_values(part, terms.reserves):
                     fixed[str(variant)] = None
-                joints, sequences = _list_joints(part), list_random_seeds(part, changes["set"])
+                joints, sequences = find_joints(part.system), list_random_seeds(part, changes["set"])
                 observers = list_observers(part, joints, changes["set"])
                 names = [name for name in sequences if name not in (terms.options.get("set") or {})]
                 for seed in (held_out.seeds if names else ()) or [None]:  # seeds of the user are kept
@@ -197,7 +197,7 @@ def _prepare_cases(
         planned = load(scenario, **{**terms.options, **controller_options, **changes})
         plan_run(planned.options, planned.name)
         parts = find_independent_subsystems(Preparation.of(planned, progress))
-        return [part for part in parts if _list_joints(part)]
+        return [part for part in parts if find_joints(part.system)]
 
     nominal = prepare({})
     if not nominal:
@@ -206,7 +206,7 @@ def _prepare_cases(
         )
     pairs: list[tuple[Preparation, ComparisonCase, dict[str, Any]]]
     pairs = [(part, case, {}) for part in nominal for case in cases if not case.fault]
-    joints = [joint for part in nominal for joint in _list_joints(part)]
+    joints = [joint for part in nominal for joint in find_joints(part.system)]
     for case in cases:
         if case.fault:  # faults become part of the system before it is prepared
             changes = {"fault": [*terms.options.get("fault", ()), *case.faults(joints)]}
@@ -217,12 +217,9 @@ def _prepare_cases(
             yield part, case, {**changes, "set": {**values, **common}}
 
 
-def _list_joints(part: Preparation) -> list[str]:
-    return find_joints(part.system)
-
-
 def find_independent_subsystems(prepared: Preparation) -> list[Preparation]:
     """Return one subsystem for each joint, or for each group of joints that connections link."""
+    # joints that exchange signals must run together; all others end their runs alone
     graph = networkx.Graph()
     system = prepared.system
     branch = {c.name: c.branch for c in system.components}

@@ -101,7 +101,9 @@ def compare(
         seeds = 0 if table == STABILITY else SEEDS
     all_sets = [ALL] if table == PAPER and gains is None else gains
     further = ROBUSTNESS_SETS if table == ROBUSTNESS else ()
-    variants = select_variants(controllers, all_sets, further, _prefer_set(str(scenario), overrides))
+    # the set for loads that are not rigid is the recommended one where the scenario uses it
+    is_compliant = load(str(scenario), **overrides).options.gains == COMPLIANT
+    variants = select_variants(controllers, all_sets, further, COMPLIANT if is_compliant else None)
     session = Session(
         OUTPUTS,
         output=output,
@@ -176,11 +178,6 @@ def _check(table: str | None, resolution: int | None, seeds: int | None, options
     allowed = {name for name, option in list_options(COMPARE).items() if option.stage != SHOWING}
     if wrong := [name for name in options if name in list_options() and name not in allowed]:
         raise CommandError(f"comparisons do not support the option {wrong[0]}; remove it.")
-
-
-def _prefer_set(scenario: str, options: Mapping[str, Any]) -> str | None:
-    """Return the set of gains for loads that are not rigid if it is that of the scenario."""
-    return COMPLIANT if load(scenario, **options).options.gains == COMPLIANT else None
 
 
 def _choose_scenarios(scenario: str, table: str | None) -> list[str]:

@@ -41,6 +41,7 @@ class HeldOutSeeds:
 
         The seed of a sequence depends on its name alone, so every controller meets the same sequences.
         """
+        # crc32, not hash(): that differs between processes
         return {name: draw_seeds([seed, crc32(name.encode())], 1, self._without)[0] for name in names}
 
 

@@ -140,20 +140,18 @@ class ChunkQueue:
         if not self._waiting:
             return self._suspects.popleft(), _OVERRUN * _CHUNK_S
         first = self._waiting.popleft()
-        count = self._choose_length(first.group, threads)
+        # a single variant while nobody knows how long one takes
+        count, expected = 1, _CHUNK_S
+        if first.group in self._seconds:
+            least = int(_MIN_CHUNK_S / self._find_duration(first.group))
+            fair = max(self._find_fair_length(threads), least)
+            count = max(min(self._find_length(first.group, threads), fair, self._max_length), 1)
+            expected = count * self._seconds[first.group]
         chunk = replace(first, variants=first.variants[:count])
         self._remaining -= len(chunk.variants)
         if rest := first.variants[count:]:
             self._waiting.appendleft(WorkPackage(first.group, rest))
-        expected = count * self._seconds[first.group] if first.group in self._seconds else _CHUNK_S
         return chunk, _OVERRUN * max(expected, _MIN_CHUNK_S)
-
-    def _choose_length(self, group: int, threads: int) -> int:
-        """Return the number of variants of a chunk; 1 while their duration is unknown."""
-        if group not in self._seconds:
-            return 1
-        fair = max(self._find_fair_length(threads), int(_MIN_CHUNK_S / self._find_duration(group)))
-        return max(min(self._find_length(group, threads), fair, self._max_length), 1)
 
     def _find_length(self, group: int, threads: int) -> int:
         return int(max(_CHUNK_S, _CHUNK_S_PER_THREAD * threads) / self._find_duration(group))

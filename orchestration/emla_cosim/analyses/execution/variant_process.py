@@ -62,8 +62,13 @@ class VariantProcess:
         """Answer a request: `describe` with a group, or `run`. An exception is an answer, too."""
         name, argument = request
         try:
-            if not self._groups:
-                self._load()
+            if (
+                not self._groups
+            ):  # at the first request: the host writes the payload after this process starts
+                self._groups, registered = pickle.loads((self._folder / PAYLOAD).read_bytes())
+                register()
+                for kind, registry in REGISTRIES.items():
+                    registry.update(registered[kind])
             return ANSWER, self._describe(argument) if name == "describe" else self._run(argument, send)
         except BaseException as error:  # user code may raise SystemExit when it is loaded
             return ERROR, _pickle_error(error)
@@ -72,12 +77,6 @@ class VariantProcess:
         """End the FMUs."""
         for simulation in self._simulations.values():
             simulation.close()
-
-    def _load(self) -> None:
-        self._groups, registered = pickle.loads((self._folder / PAYLOAD).read_bytes())
-        register()
-        for kind, registry in REGISTRIES.items():
-            registry.update(registered[kind])
 
     def _get_simulation(self, group: int) -> Simulation:
         """Return the simulation of a group. Raise CosimError if it cannot be prepared."""

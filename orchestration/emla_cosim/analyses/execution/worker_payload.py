@@ -31,13 +31,9 @@ from ...run.run_setup import run_times
 from ...run.scenarios.scenario import Scenario
 from ...system.model import System
 
-
-def _reduce(module: ModuleType) -> tuple[Any, tuple[str]]:
-    return import_module, (module.__name__,)
-
-
 if (_kind := type(sys.modules[__name__.partition(".")[0]])) is not ModuleType:
-    copyreg.pickle(_kind, _reduce)  # lazy_loader's module type; else functions that use it cannot be sent
+    # lazy_loader's module type; else functions that use it cannot be sent
+    copyreg.pickle(_kind, lambda module: (import_module, (module.__name__,)))
 
 
 def _find_sentinel(sentinel: object) -> str:
@@ -91,6 +87,7 @@ class Preparation:
         ):
             progress.note(f"Note: {remark}")
         progress.advance(1)
+        # what the preparation has used must not be part of the identity of a run
         defaults, options_of_runs = Options(), options_of(Options)
         reset = {o.name for o in options_of_runs if o.stage in (BUILDING, PREPARING)}
         if not options.follow_models:

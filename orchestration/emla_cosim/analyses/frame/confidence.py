@@ -10,7 +10,7 @@ LEVEL = 0.95
 """Confidence of all intervals."""
 
 
-def share_interval(count: int, total: int, level: float = LEVEL) -> tuple[float, float]:
+def share_interval(count: int, total: int) -> tuple[float, float]:
     """Return the interval of Clopper and Pearson for the probability of an event.
 
     If the event never or always occurred, the interval is one-sided.
@@ -18,7 +18,6 @@ def share_interval(count: int, total: int, level: float = LEVEL) -> tuple[float,
     Args:
         count: How often it occurred.
         total: Number of independent draws, at least 1.
-        level: Confidence.
 
     References:
         C. J. Clopper and E. S. Pearson, Biometrika 26 (1934), p. 404.
@@ -26,19 +25,18 @@ def share_interval(count: int, total: int, level: float = LEVEL) -> tuple[float,
     from scipy.special import betaincinv
 
     # all of the error is on the one side that is open
-    tail = 1.0 - level if count in (0, total) else 0.5 * (1.0 - level)
+    tail = 1.0 - LEVEL if count in (0, total) else 0.5 * (1.0 - LEVEL)
     low = float(betaincinv(count, total - count + 1, tail)) if count else 0.0
     high = float(betaincinv(count + 1, total - count, 1.0 - tail)) if count < total else 1.0
     return low, high
 
 
-def quantile_interval(values: Vector, quantile: float, level: float = LEVEL) -> tuple[float, float]:
+def quantile_interval(values: Vector, quantile: float) -> tuple[float, float]:
     """Return an interval for a quantile that assumes no distribution: from one order statistic to another.
 
     Args:
         values: Independent draws, shape (n,).
         quantile: The quantile, between 0 and 1.
-        level: Least confidence.
 
     Returns:
         Both ends; one for which there are too few values is infinite.
@@ -51,7 +49,7 @@ def quantile_interval(values: Vector, quantile: float, level: float = LEVEL) -> 
     ordered, count = np.sort(values), len(values)
     # the probability that at most 0, 1, ... values are below the quantile
     below = bdtr(np.arange(count), count, quantile)
-    tail = 0.5 * (1.0 - level)
+    tail = 0.5 * (1.0 - LEVEL)
     first = int(np.searchsorted(below, tail, side="right"))
     last = int(np.searchsorted(below, 1.0 - tail, side="left")) + 1
     low = float(ordered[first - 1]) if first > 0 else -math.inf

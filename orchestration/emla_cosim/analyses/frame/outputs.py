@@ -129,6 +129,7 @@ class AnalysisFolder(Folder, Generic[R]):
         """Draw the pictures and write the page, as asked for. Raises RunError."""
         outputs = self.outputs
         figures = outputs.draw(result) if self._plots or self._report else ()
+        # drawn once, for the files and for the page
         pictures = {name: to_png(figure) for name, figure in figures}
         names = list(pictures) if self._plots else []
         for name in names:
@@ -150,4 +151,4 @@ def render_page(report: Report, pictures: Mapping[str, bytes]) -> bytes:
 
     images = {name: f"data:image/png;base64,{b64encode(png).decode()}" for name, png in pictures.items()}
     page = render_template(__package__ or "", "page.html", Plots(), report=report, pictures=images)
-    return page.encode("utf-8", "replace")
+    return page.encode("utf-8", "replace")  # names of variables can have lone surrogates

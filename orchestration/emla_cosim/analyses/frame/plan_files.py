@@ -158,6 +158,7 @@ def _read_table(
     """Return the fields that a file has by name, `options` and `where`."""
     values = list_given(convert_value(content, plan_struct(table), label, folder))
     options = {name: values.pop(name) for name in [*values] if name not in table.__struct_fields__}
+    # otherwise it is the name of a scenario that comes with the package
     if folder is not None and (folder / values["scenario"]).exists():
         values["scenario"] = str(folder / values["scenario"])
     return {**values, "options": options, "where": label}

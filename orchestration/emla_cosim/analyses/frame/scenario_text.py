@@ -19,6 +19,7 @@ def scenario_content(source: Source, options: Mapping[str, Any]) -> dict[str, An
     if read is None:
         return None
     system = read.system if read.system in SYSTEMS else str((read.folder / read.system).resolve())
+    # absolute: the file is written to another folder than that of the scenario
     merged = merge_options([read.options, options])
     options = {
         n: x for n, x in merged.items() if n in list_options() and list_options()[n].in_file and _is_plain(x)

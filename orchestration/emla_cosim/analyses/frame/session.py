@@ -13,7 +13,7 @@ import polars
 from ...base.extras import LEFT_OUT
 from ...base.files import hash_plain_data
 from ...base.interruption import catch_interrupts
-from ...base.progress import CompatibilityReport, Progress
+from ...base.progress import Progress
 from ...base.values import convert_value
 from ...run.run_setup import run_times
 from ...run.scenarios.scenario import Scenario
@@ -197,6 +197,7 @@ class Session(Generic[R]):
     @contextmanager
     def open_runs(self, preparations: Sequence[Preparation]) -> Iterator[Runs]:
         """Open workers for prepared scenarios. Raises RunError."""
+        # with the time: several analyses may share a cluster, whose tasks and plugins have global names
         key = f"emla-{self._analysis}-{hash_plain_data((self._analysis, time.time_ns()))}"
         payload = WorkerPayload.of(key, preparations)
         with (
@@ -215,24 +216,9 @@ class NotesOnce(Progress):
     """Passes progress on, and each note once: those of several scenarios are alike."""
 
     def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        self._noted: set[str] = set()
-
-    def begin(self, task: str, total: int, unit: str = "") -> None:
-        """Begin a task."""
-        self._progress.begin(task, total, unit)
-
-    def advance(self, count: int) -> None:
-        """Count further units as done."""
-        self._progress.advance(count)
-
-    def finish(self) -> None:
-        """End the task."""
-        self._progress.finish()
-
-    def report_replacement(self, fit: CompatibilityReport) -> None:
-        """Report how the FMU of a replacement fits."""
-        self._progress.report_replacement(fit)
+        self._progress, self._noted = progress, set[str]()
+        self.begin, self.advance, self.finish = progress.begin, progress.advance, progress.finish
+        self.report_replacement = progress.report_replacement
 
     def note(self, sentence: str) -> None:
         """Report a note or warning, unless it was reported before."""

@@ -153,6 +153,7 @@ def judge(
     free = [i for i in range(count) if i not in problems]
     covariance, condition, freedom = np.full((count, count), np.nan), 1.0, 1.0
     if free:
+        # columns of length 1, so that the condition number does not depend on the ranges of the user
         scaled = jacobian[:, free] / sizes[free]
         _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
         condition = float(singular[0] / max(singular[-1], 1e-300))
@@ -227,6 +228,7 @@ def find_covariance(
         lengths: number of samples of each signal of each experiment.
     """
     count = jacobian.shape[1]
+    # by QR: the product of the Jacobian with itself would square its condition number
     _, triangle = np.linalg.qr(jacobian)
     inverse = np.linalg.inv(triangle)
     bread = inverse @ inverse.T
@@ -306,6 +308,7 @@ def profile(
             return excesses[distance]
 
         distance_to_end = 1.0 - point[i] if sign > 0 else point[i]
+        # an end of the interval is about two standard errors away
         inner, outer = 0.0, min(2.0 * error if error else _FIRST_DISTANCE, distance_to_end)
         while excess(outer) < 0.0:
             if outer >= distance_to_end:
@@ -335,6 +338,7 @@ def _minimize_others(
     def residuals(part: Vector) -> Vector:
         report(1)
         (values,) = problem.residuals([insert(part)])
+        # a finite wall, as in `Estimator`: the solver stops at NaN or infinity
         return 1e3 * (np.abs(first) + 1.0) if values is None else values
 
     minimum = least_squares(

@@ -46,6 +46,7 @@ def rank_experiments(task: IdentificationTask, predictor: Predictor) -> list[Can
         RunError: A run fails, or the user interrupts.
     """
     plan, parameters = task.plan, task.parameters
+    # without measurements there are no residuals from which the deviations could follow
     missing = [signal for signal in predictor.signals if signal not in task.sigma]
     if missing or not predictor.signals:
         raise CommandError(

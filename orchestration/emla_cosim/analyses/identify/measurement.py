@@ -89,6 +89,7 @@ def read_measurements(
             text = f"the column '{data.data.headers[position].text}' of {source.label}"
             if is_assumed:
                 notes.append(f"{text} has no unit and is read in {unit}.")
+            # the spread of a measurement is the scale of its residuals
             if np.ptp(values) == 0.0:
                 raise CommandError(f"{text} does not vary: it has no information on {signal}.", signal=signal)
             if any(other.signal == signal for other in measured):

@@ -64,7 +64,7 @@ class Parameter:
     def value(self, fraction: float) -> float:
         """Return the value at a fraction of the range, from 0 (low) to 1 (high)."""
         if fraction <= 0.0 or fraction >= 1.0:
-            # exactly the ends: rounding must not leave the range
+            # exactly the ends: rounding must not leave the range, which an FMU may refuse
             return self.low if fraction <= 0.0 else self.high
         return self.extrapolate(fraction)
 
@@ -126,6 +126,7 @@ class SheetEntries:
 
 def _remove_inputs(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options without data of inputs: no start value follows from these."""
+    # without them, no value of an entry reads the files again
     return {name: value for name, value in options.items() if name != "input"}
 
 
@@ -245,6 +246,7 @@ def _check_entries(entries: SheetEntries, parameters: Sequence[Parameter]) -> No
         assert factor is not None
         for i in range(len(plan.experiments)):
             changed, problem = set[str](), None
+            # an end of the range may contradict other entries; one valid value is enough for a search
             for value in (parameter.low, parameter.start, parameter.high):
                 try:
                     changed |= set(entries.start_values(i, factor.options(value)[SHEET]))

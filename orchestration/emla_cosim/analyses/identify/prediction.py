@@ -136,6 +136,7 @@ class Predictor:
 def _find_defect(data: Mapping[str, Vector], measured: Sequence[MeasuredSignal]) -> str | None:
     """Return why signals of a run cannot be compared; None if they can."""
     last = data["time"][-1]
+    # an FMU can end a run early without an error; samples after that have no prediction
     end = max((signal.time[-1] for signal in measured), default=last)
     step = last - data["time"][-2] if len(data["time"]) > 1 else 0.0
     if last < end - 1.5 * step:
@@ -149,4 +150,5 @@ def predict_samples(
 ) -> Vector:
     """Return what a sensor would have measured at the times of the samples, shape (n,)."""
     offset, gain, delay = parameters.sensor(point, measured.signal)
+    # sensors need no run of their own: one trajectory serves all their values
     return offset + gain * np.interp(measured.time - delay, data["time"], data[measured.signal])

@@ -33,7 +33,7 @@ class IdentificationResult(ReportedResult):
         estimates: the estimates; `result[name]` is one of them.
         set: start values for `Simulation.run(set=...)`, by full name.
         correlations: correlations of the estimates, shape (p, p); NaN for those that are not identified.
-        condition: condition number of the derivatives; large where parameters cannot be told apart.
+        condition: condition number of the derivatives; large where the data do not separate the parameters.
         fits: the fit of each signal in each experiment.
         sigma: standard deviations by which residuals were weighed, by signal, in its unit.
         samples: polars data frame with `experiment`, `signal`, `time` in s, `measured` and `predicted`.

@@ -80,7 +80,7 @@ def identify(
         experiments: further experiments.
         sigma: standard deviations of measured signals by name, such as "1 um". Default: those of the
             residuals.
-        loss: loss function; "soft_l1", "huber", "cauchy" and "arctan" bear outliers. Default: linear.
+        loss: loss function; "soft_l1", "huber", "cauchy" and "arctan" tolerate outliers. Default: linear.
         starts: number of starting points: that of the scenario, and random ones. Default: 1.
         evaluations: most iterations from each starting point. Default: 50.
         profile: parameters whose intervals are found by profile likelihood.
@@ -145,6 +145,7 @@ def identify(
         task = prepare_task(plan, session)
         with session.open_runs(task.preparations) as runs:
             measured_names = dict.fromkeys(x.signal for signals in task.signals for x in signals)
+            # an experiment that is only planned records the signals whose standard deviation is known
             signals = list(measured_names or task.sigma)
             rows = max(runs.describe(i).rows for i in range(len(task.preparations)))
             predictor = Predictor(runs, task.parameters, task.signals, signals, rows)
@@ -192,6 +193,7 @@ class _Identification:
         except InterruptedRunsError:
             return self._save_unfinished(is_final=True)
         self.session.progress.finish()
+        # intervals belong to a minimum: the user must know where the search did not reach one
         notes += further
         if not best.converged:
             notes.append(
@@ -230,6 +232,7 @@ class _Identification:
         """Report evaluations, and save the best values from time to time."""
         self.session.progress.advance(count)
         now = time.monotonic()
+        # a long search must not lose everything when its process is killed
         if self.session.path is not None and self.estimator.best is not None and now - self.saved > _SAVE_S:
             self.saved = now
             self._save_unfinished(is_final=False)
@@ -277,6 +280,7 @@ class _Identification:
             parameter, error = self.task.parameters.items[i], None
             if (interval := estimates[i].interval) is not None:
                 low, high = map(parameter.to_fraction, interval)
+                # an interval of 95 % is about four standard errors wide
                 error = max((high - low) / 4.0, 1e-6)
             ends = find_profile(self.problem, point, i, error, self.session.progress.advance, cost_tolerance)
             lower, upper = (None if x is None else parameter.value(x) for x in ends)

@@ -143,14 +143,12 @@ def find_time_shifts(
         curvature = (scaled * factors[:, None] ** 2).T @ scaled
         change = np.linalg.lstsq(curvature, -scaled.T @ score_weights, rcond=None)[0]
         try:
-            # what is left: the shift itself is no noise that would hide it
+            # from what remains after the shift: the shift itself is not noise that would hide it
             rest, weights = scale_for_loss(loss, residuals + scaled @ change)
             covariance = find_covariance(scaled * weights[:, None], scaled * rest[:, None], rest, lengths)
         except np.linalg.LinAlgError:  # a shift that the parameters can make as well
             break
-        with np.errstate(
-            invalid="ignore"
-        ):  # rounding, where parameters cannot be told apart: nan is not certain
+        with np.errstate(invalid="ignore"):  # rounding of dependent parameters: nan is not certain
             errors = np.sqrt(np.diag(covariance))
         certain = np.abs(change) > _MIN_SHIFT * errors
         if certain[len(free) :].all():
@@ -229,7 +227,9 @@ def _find_moves(
 ) -> NDArray[np.float64]:
     """Return how far the minimum moves with half the step."""
     score_weights, factors = scale_for_loss(loss, residuals)
+    # the difference of both gradients: neither search ended exactly at its minimum
     change = scale_for_loss(loss, halved)[0] - score_weights
+    # columns of length 1: parameters of different sizes would spoil the condition of the equations
     sizes = np.linalg.norm(jacobian, axis=0)
     slopes = jacobian / sizes
     curvature = (slopes * factors[:, None] ** 2).T @ slopes

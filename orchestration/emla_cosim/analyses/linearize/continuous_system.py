@@ -46,7 +46,7 @@ class ContinuousSystem:
         self._names = Names(self._system, {m.name: m.file.interface for _, _, m in members})
         self.states = [f"{m.name}.{name}" for _, _, m in members for name in _list_state_names(m)]
         self.nominals = np.concatenate([m.read_nominals() for _, _, m in members])
-        self.nominals = np.where(self.nominals > 0.0, self.nominals, 1.0)
+        self.nominals = np.where(self.nominals > 0.0, self.nominals, 1.0)  # FMUs may declare 0
         self.inputs, self.outputs = list(inputs), list(outputs)
         self._inputs = [self._find(name, is_input=True) for name in inputs]
         self._outputs = [self._find(name) for name in outputs]

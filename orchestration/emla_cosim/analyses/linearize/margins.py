@@ -51,6 +51,7 @@ def compute_margins(frequency: Vector, L: Complex) -> Margins:
 
     Source: Astrom and Murray, Feedback Systems, 2nd edition, section 10.3.
     """
+    # logarithms: between two points, gains and frequencies are straighter there
     log_f, log_gain = np.log(frequency), np.log(np.maximum(np.abs(L), 1e-300))
     phase = np.unwrap(np.angle(L))
     crossings = _interpolate_crossings(log_gain, log_f, phase)

@@ -103,6 +103,7 @@ def measure(
     step = perturbation.step
     if frequency is None:
         frequency = np.geomspace(1.0 / perturbation.duration, 0.5 / step, _POINTS)
+    # the response to one pulse alone differs by the nonlinearity, which estimates the error
     samples = [_scale(point, x / reaction.amplitude) for x in (reaction.linear, reaction.positive)]
     H, rough = (transform_response(x, integrators, frequency, step) for x in samples)
     if not point.is_loop:
@@ -234,6 +235,7 @@ def judge_step(
 
 def _compare(response: FrequencyResponse, halved: FrequencyResponse) -> float:
     """Return the relative change of a response."""
+    # near half the sample rate, a hold of half the length always changes the response
     slow = response.frequency <= _MAX_FREQUENCY / response.step
     change = np.abs(halved.value - response.value) / np.maximum(np.abs(response.value), 1e-300)
     return float(np.sqrt(np.mean(change[slow] ** 2)))

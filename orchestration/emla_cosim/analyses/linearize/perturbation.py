@@ -72,6 +72,7 @@ class Perturbation:
         samples = math.floor((at - times.start) / self.step + ROUNDING)
         self.at = times.point(samples * self._steps)
         self._advance()
+        # one FMU that cannot be set back would continue from another time than the rest
         self.rolls_back = all(s.rolls_back for s in algorithm.network.instances)
         self._snapshot = Snapshot(algorithm) if self.rolls_back else None
         if self._snapshot is not None:
@@ -112,6 +113,7 @@ class Perturbation:
 
     def undisturbed(self, point: ResolvedPoint) -> Vector:
         """Return the signal at a point without a pulse, shape (count,). Raise RunError if a step fails."""
+        # one undisturbed run serves all pulses at a point
         if point not in self._undisturbed:
             self._undisturbed[point] = self._repeat(point, 0.0, 0)
         return self._undisturbed[point]

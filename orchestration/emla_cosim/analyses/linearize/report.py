@@ -32,10 +32,10 @@ _MARGINS = (
 def build_report(result: LinearizeResult) -> Report:
     """Return the report of a linearization."""
     notes = [f"Note: {text}" for text in result.remarks]
+    facts = [f"t = {result.at:g} s", f"step {1e3 * result.step:g} ms"]
     if result.matrices is not None:
         tables = [_tabulate_point(result, result.matrices), _tabulate_poles(result.matrices)]
-        section = Section(tables=tables, under=notes)
-        return Report("Linearization", result.name, _list_facts(result), [section])
+        return Report("Linearization", result.name, facts, [Section(tables=tables, under=notes)])
     how = "restored states" if result.rolled_back else "repeated runs, as not every FMU can restore its state"
     measured = [
         f"{name}: pulses of {m.amplitude:.3g}, nonlinearity {100.0 * m.nonlinearity:.2g} %"
@@ -48,11 +48,7 @@ def build_report(result: LinearizeResult) -> Report:
     }
     under = [*notes, *measured, f"Measured with {how}"]
     section = Section(tables=list(_tabulate_margins(result)), pictures=pictures, under=under)
-    return Report("Linearization", result.name, _list_facts(result), [section])
-
-
-def _list_facts(result: LinearizeResult) -> list[str]:
-    return [f"t = {result.at:g} s", f"step {1e3 * result.step:g} ms"]
+    return Report("Linearization", result.name, facts, [section])
 
 
 def _tabulate_margins(result: LinearizeResult) -> Iterator[ReportTable]:

@@ -84,6 +84,7 @@ def transform_response(samples: Vector, integrators: int, frequency: Vector, ste
     """
     delays: Complex = np.exp(-2j * np.pi * frequency * step)  # z^-1
     differences, k = _difference(samples, integrators), np.arange(len(samples))
+    # frequency by frequency: all at once would need a matrix of samples by frequencies
     sums: Complex = np.array([delay**k @ differences for delay in delays], dtype=np.complex128)
     return sums / (1.0 - delays) ** integrators
 

@@ -123,6 +123,7 @@ def linearize(
     )
     session.check_unread([scenario.options.files_read()])
     with session.reserve_folder():
+        # steps of a coarse sensor would hide small pulses; what the user sets stays
         values = ideal_sensors(scenario.system) | dict(scenario.options.set)
         if matrices:
             with scenario.prepare(session.progress, set=values) as simulation:
@@ -130,6 +131,7 @@ def linearize(
                 result = _compute_matrices(scenario, simulation, *names, at, steady)
         else:
             start, length = _choose_interval(scenario, at, duration)
+            # an offset of 0 is a connection: the pulse needs one to add to
             ends = [
                 Fault(p.input, "offset", start=0.0, value=0.0) for p in points if _is_free(scenario.system, p)
             ]

@@ -83,7 +83,7 @@ class Cycle:
 
     def rms(self, values: Vector) -> float:
         """Return the root mean square over the cycle."""
-        return math.sqrt(max(self.mean(values * values), 0.0))
+        return math.sqrt(max(self.mean(values * values), 0.0))  # rounding can make a mean of 0 negative
 
 
 def list_joints(signals: Sequence[str], roles: Mapping[str, str]) -> list[str]:
@@ -104,6 +104,7 @@ def read_cycle(result: Result, plant: JointPlant, start: float, end: float) -> C
         CommandError: The run has fewer than two rows in the cycle.
     """
     data = _read_signals(result, plant.joint, SIGNALS)
+    # times are multiples of the step, which are rounded
     inside = (data["time"] >= start - 1e-9) & (data["time"] <= end + 1e-9)
     if np.count_nonzero(inside) < 2:
         raise CommandError(f"the cycle from {start:g} to {end:g} s has fewer than two rows of {plant.joint}.")
@@ -139,6 +140,7 @@ def follow_reference(cycle: Cycle, plant: JointPlant, result: Result) -> Cycle:
     x, v, a = (signal[role] for role in ("x_s", "v_s", "a_s"))
     load = signal["F_L"] + plant.load_mass * a
     torque = plant.required_torque(x, v, a, load, signal.get("d_2", np.zeros_like(load)))
+    # cogging acts on the shaft without any current
     current_torque = torque - plant.cogging_torque(x)
     emla, omega = cycle.emla, cycle.emla.alpha_RL * v
     i_q = current_torque / (1.5 * emla.N_p * emla.Phi_PM)

@@ -223,7 +223,7 @@ class _Jobs:
             return Draw(values, (), outcome.figures.get(_PROBLEM) or outcome.problem or "the run failed")
         limits: list[Utilisation]
         reason, limits, figures, winding = outcome.figures[joint]
-        if AMBIENT in values:
+        if AMBIENT in values:  # no run depends on it: draws that differ in it alone share one
             name = self._preparations[self._jobs[key].group].name
             entries = self._examinations[name].sheets[joint].values
             heat = examine_heat(entries, figures, float(values[AMBIENT]), winding)
@@ -255,6 +255,7 @@ def run_draws(session: Session[SizeResult], sized: Mapping[Any, SizedRun]) -> di
     if all(isinstance(key, CommandError) for *_, key in attempts):  # such as an entry that does not exist
         for study, values, error in attempts:
             raise CommandError(f"no draw can run; with {study.label(Draw(values, (), None))}: {error}")
+    # the draws of all candidates together, so that no worker waits for the last run of one
     jobs.run(session)
     for name, task in tasks.items():
         joints = dict[str, JointSizing]()

@@ -142,7 +142,7 @@ def mean_load(force: Vector, speed: Vector, time: Vector) -> float:
     """Return the equivalent mean load in N: the cubic mean of |force| over the travel (ISO 3408-5)."""
     travel = np.trapezoid(np.abs(speed), time)
     if not travel > 0.0:
-        return 0.0
+        return 0.0  # a screw at rest rolls over no track
     return float(np.cbrt(np.trapezoid(np.abs(force) ** 3 * np.abs(speed), time) / travel))
 
 
@@ -216,6 +216,7 @@ def describe_losses(cycle: Cycle, plant: JointPlant) -> Losses:
     if "eta_GB" not in plant.names:
         return Losses("are those of its FMU, which has no gearbox.eta_GB", rms)
     directional = plant.values["directional"]
+    # an eta_back of 0 is the same friction in both directions, which is none if eta_GB is 1
     if plant.values["eta_GB"] == 1.0 and plant.values["eta_back"] in (0.0, 1.0):
         return Losses(f"are none: {plant.names['eta_GB']} is 1", rms)
     used, alternative = (plant.load_torque(cycle.v, cycle.load, x) for x in (directional, 1.0 - directional))

@@ -66,7 +66,7 @@ def _size_joint(result: Result, joint: str, examination: Examination) -> JointSi
     if required:
         cycle = follow_reference(cycle, plant, result)
     winding, rise = find_winding(plant, values, criteria.over_temperature), None
-    if isinstance(winding, Winding):
+    if isinstance(winding, Winding):  # the run is too short to warm up: the repeated cycle decides
         rise = winding.rise(cycle)
         cycle = warm_up(cycle, plant, rise)
     figures = compute_figures(cycle, values, link_capacity(values), winding, rise)

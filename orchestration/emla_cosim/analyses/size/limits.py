@@ -128,6 +128,7 @@ def _check_entry(
 
 def _examine_motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[_Examined]:
     source, limit = min(derived.torques(values), key=lambda torque: torque[1])
+    # a motor at its limit hides what the motion requires beyond it
     torque = max(figures.required_torque_peak_N_m, figures.torque_peak_N_m)
     yield _utilise("peak torque", torque, limit, "N m", 1.0, source)
     rms = 1.0 / ROOT_2
@@ -145,6 +146,7 @@ def _examine_motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iter
         limit = float(lasting[0])
         share = figures.torque_rms_N_m / limit if limit > 0.0 else math.inf
         yield Utilisation("rms torque", figures.torque_rms_N_m, limit, "N m", share, entry)
+    # the entry from which u_max follows, in the order in which `derived.voltage` looks for them
     source = next(e for e in ("inverter.U_DC", "inverter.U_supply", "inverter.u_max") if e in values)
     yield _utilise("voltage", figures.voltage_peak_V, cycle.emla.u_max, "V peak", 1.0, source)
 

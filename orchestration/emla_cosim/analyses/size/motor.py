@@ -26,6 +26,7 @@ def peak_torque(emla: EmlaParameters, speed: Vector) -> Vector:
     a = emla.R_s**2 + (omega * emla.L_q) ** 2
     b, c = emla.R_s * omega * emla.Phi_PM, (omega * emla.Phi_PM) ** 2 - emla.u_max**2
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+    # |u| = u_max is a quadratic equation of i_q; its larger root, and 0 where the voltage is used up
     current = np.maximum((root - b) / np.maximum(a, 1e-300), 0.0)
     # below the base speed the current limits the torque, above it the voltage
     return np.minimum(1.5 * emla.N_p * emla.Phi_PM * current, emla.tau_max)
@@ -76,9 +77,9 @@ def repeat_cycle(time: Vector, load: Vector, permitted_rise: float, tau_th: floa
     return heat(time, load, permitted_rise, tau_th, start)
 
 
-def cycles_until_warm(period: float, tau_th: float, fraction: float = 0.95) -> int:
-    """Return the number of cycles after which a cold motor has this fraction of its final rise."""
-    return max(math.ceil(-math.log1p(-fraction) * tau_th / period), 1)
+def cycles_until_warm(period: float, tau_th: float) -> int:
+    """Return the number of cycles after which a cold motor has 95 % of its final rise."""
+    return max(math.ceil(-math.log1p(-0.95) * tau_th / period), 1)
 
 
 def time_until_rise(time: Vector, rise: Vector, tau_th: float, threshold: float) -> float:
@@ -143,6 +144,7 @@ def find_winding(plant: JointPlant, values: Mapping[str, float], over_temperatur
 def warm_up(cycle: Cycle, plant: JointPlant, rise: Vector) -> Cycle:
     """Return the cycle with copper loss and resistance of the winding at `rise`, not at that of the run."""
     emla, alpha_R = cycle.emla, plant.values["alpha_R"]
+    # the run had the resistance at its own temperature already
     loss = 1.5 * emla.R_s * alpha_R * (rise - cycle.rise) * cycle.current**2
     hot = replace(emla, R_s=emla.R_s * (1.0 + alpha_R * float(rise.max())))
     return replace(cycle, P_el=cycle.P_el + loss, emla=hot)

@@ -77,6 +77,7 @@ class JointSizing:
         """Why the actuator does not do the job, or why it could not be judged; without full stops."""
         reasons, study = list_reasons(self.reason, self.limits), self.tolerances
         if study is not None and (failures := study.failures):
+            # an example only where the nominal values hold: else their reasons say it already
             draw = max(failures, key=lambda draw: draw.worst)
             example = "" if reasons else f", such as with {study.label(draw)}: {'; '.join(draw.reasons)}"
             reasons.append(study.sentence + example)

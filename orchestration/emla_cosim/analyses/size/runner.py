@@ -218,6 +218,7 @@ def _plan_rows(task: _Task) -> Iterator[_Row]:
         for joint, sheets in task.varied.items()
         for label in sheets
     }
+    # reversed: the first of each joint overrides the later ones
     first = dict(reversed([key for key, problem in problems.items() if problem is None]))
     first = {joint: first[joint] for joint in task.varied if joint in first}
     for (joint, label), problem in problems.items():
@@ -291,6 +292,7 @@ def _size_scenario(scenario: Scenario, labels: Mapping[str, str], task: _Task) -
             session.progress.note(f"Note: {remark}")
         names = simulation.select_signals([])
         signals = [name for name in names if any(matches_pattern(name, pattern) for pattern in patterns)]
+        # before the run: a scenario without such a joint would be run in vain
         joints = list_joints(signals, roles)
         if not joints:
             raise CommandError(

@@ -127,6 +127,7 @@ class Tolerances:
             worst, at = max(draws, key=lambda use: use[0].fraction)
             failed = [math.inf] * (len(self.draws) - len(draws))
             values = np.array([*(limit.fraction for limit, _ in draws), *failed])
+            # "higher": between a number and infinity there is nothing to interpolate
             quantile = float(np.quantile(values, QUANTILE, method="higher"))
             interval = quantile_interval(values, QUANTILE)
             uses.append(LimitTolerance(worst, at, nominal_fractions.get(name), quantile, interval))

@@ -17,7 +17,6 @@ from .labels import label_with_unit, make_panels, put_legend, put_title, wrap_te
 from .result import SweepResult
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 PERCENTILES = (5, 25, 50, 75, 95)
@@ -75,7 +74,11 @@ def compute_bands(result: SweepResult, signal: str) -> PercentileBands:
         for variant_times, variant_values in zip(np.split(time, cuts), np.split(value, cuts), strict=True):
             values[row] = np.interp(times, variant_times, variant_values, left=np.nan, right=np.nan)
             row += 1
-    return PercentileBands(times, np.column_stack([_compute_percentiles(column) for column in values.T]))
+    percentiles = np.full((len(PERCENTILES), len(times)), np.nan)
+    for column, at in zip(values.T, percentiles.T, strict=True):
+        if len(finite := column[~np.isnan(column)]):  # no variant runs any more at the latest times
+            at[:] = np.percentile(finite, PERCENTILES)
+    return PercentileBands(times, percentiles)
 
 
 def _split_variants(extents: polars.DataFrame) -> Iterator[tuple[int, int]]:
@@ -83,11 +86,6 @@ def _split_variants(extents: polars.DataFrame) -> Iterator[tuple[int, int]]:
     part = extents["rows"].cum_sum() // _MAX_ROWS
     for _, group in extents.group_by(part.alias("part"), maintain_order=True):
         yield group[VARIANT][0], group[VARIANT][-1]
-
-
-def _compute_percentiles(values: Vector) -> Vector:
-    finite = values[~np.isnan(values)]
-    return np.percentile(finite, PERCENTILES) if len(finite) else np.full(len(PERCENTILES), np.nan)
 
 
 def draw_bands(result: SweepResult, signals: Sequence[str] = ()) -> "Figure":
@@ -99,21 +97,17 @@ def draw_bands(result: SweepResult, signals: Sequence[str] = ()) -> "Figure":
     labels = [label_with_unit(name, result.units.get(name) or "") for name, _ in panels]
     figure, grid = make_panels([wrap_text(label, 54) for label in labels], 4.4)
     for axes, (_, bands) in zip(grid.flat, panels, strict=False):
-        _draw_panel(axes, bands)
+        low, low_middle, median, high_middle, high = bands.values
+        axes.fill_between(bands.times, low, high, color=BLUE, alpha=0.18, linewidth=0)
+        axes.fill_between(bands.times, low_middle, high_middle, color=BLUE, alpha=0.35, linewidth=0)
+        axes.plot(bands.times, median, color=BLUE, linewidth=1.2)
+        tidy_axes(axes)
+        axes.yaxis.get_offset_text().set_fontsize(8)
     for axes in grid.flat[max(len(panels) - grid.shape[1], 0) : len(panels)]:
         axes.set_xlabel("time / s", fontsize=8)
     put_title(figure, f"{result.name}: signals over time")
     _put_legend(figure, result, 0 if signals else len(result.signals) - len(panels))
     return figure
-
-
-def _draw_panel(axes: "Axes", bands: PercentileBands) -> None:
-    low, low_middle, median, high_middle, high = bands.values
-    axes.fill_between(bands.times, low, high, color=BLUE, alpha=0.18, linewidth=0)
-    axes.fill_between(bands.times, low_middle, high_middle, color=BLUE, alpha=0.35, linewidth=0)
-    axes.plot(bands.times, median, color=BLUE, linewidth=1.2)
-    tidy_axes(axes)
-    axes.yaxis.get_offset_text().set_fontsize(8)
 
 
 def _put_legend(figure: "Figure", result: SweepResult, left_out: int) -> None:

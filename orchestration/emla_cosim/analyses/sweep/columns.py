@@ -27,6 +27,7 @@ class FactorColumn:
 def read_factor(result: SweepResult, name: str) -> FactorColumn:
     """Return a factor by name. One that is not numeric has levels, in the order of first occurrence."""
     column = result.variants[name]
+    # Booleans, too, have levels: an axis with "false" and "true" is easier to read than 0 and 1
     if column.dtype.is_numeric():
         return FactorColumn(name, _to_numbers(column), None)
     texts = ["none" if value is None else _format_level(value) for value in column.to_list()]

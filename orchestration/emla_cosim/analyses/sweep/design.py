@@ -120,13 +120,14 @@ def design_variants(plan: Plan, progress: Progress) -> Design:
     first = Preparation.of(load_planned(plan), progress)
     factors = resolve_factors(plan.vary, first.system, first.interfaces, plan.where)
     method = plan.sampling or ("grid" if plan.runs is None else "random")
-    _check_size(plan, method, factors)
+    _check_size(plan, method, factors)  # before the values are drawn, which would fill the memory
     columns = sample(method, [f.distribution for f in factors], plan.runs, plan.seed)
     prepared = [i for i, f in enumerate(factors) if any(needs_preparation(target) for target in f.targets)]
     keys: dict[str, int] = {}
     groups, group_of = list[VariantGroup](), list[int]()
     for row in zip(*(columns[i] for i in prepared), strict=True) if prepared else [()] * len(columns[0]):
         options = merge_options(factors[i].options(value) for i, value in zip(prepared, row, strict=True))
+        # a preparation may build FMUs: variants with the same options of that kind share one
         key = json.dumps(options, sort_keys=True, default=str)
         if key not in keys:
             keys[key] = len(groups)

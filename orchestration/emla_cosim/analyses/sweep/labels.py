@@ -73,6 +73,7 @@ def is_wide(values: Vector) -> bool:
     finite = values[~np.isnan(values)]
     if not len(finite) or finite.min() <= 0.0:
         return False
+    # without the extremes, so that one outlier does not decide
     low, high = np.quantile(finite, [0.05, 0.95])
     return bool(np.log10(high / low) > _DECADES)
 
@@ -117,7 +118,7 @@ def put_legend(figure: "Figure", handles: "Mapping[str, Artist]", note: str = ""
     columns = len(handles) if width > 1.5 * len(handles) else -(-len(handles) // 2)
     legend = figure.legend(
         handles=list(handles.values()),
-        labels=["label"] * len(handles),
+        labels=["label"] * len(handles),  # matplotlib drops labels that begin with _ and parses those with $
         loc="outside lower center",
         ncols=columns,
         fontsize=8,

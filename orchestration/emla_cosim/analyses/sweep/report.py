@@ -48,8 +48,9 @@ They raise CommandError if the result has no data for the picture.
 
 def draw_pictures(result: SweepResult) -> "Iterator[tuple[str, Figure]]":
     """Yield each picture that suits a result, with its file name."""
+    # a tornado shows all that one factor at a time has to show
     kinds = ("bands", "tornado") if result.sampling == ONE_AT_A_TIME else PICTURES
-    for kind in kinds:  # a tornado shows all figures
+    for kind in kinds:
         try:
             figure = result.plot(kind)
         except CommandError:  # the result has nothing for it

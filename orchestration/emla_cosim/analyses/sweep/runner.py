@@ -124,6 +124,7 @@ def _list_notes(design: Design) -> list[str]:
     notes: dict[str, str] = {}
     for group in design.groups:
         for note in _list_group_notes(group):
+            # notes that differ in their numbers only are one note: groups differ in values
             notes.setdefault(_NUMBER.sub("#", note), note)
     return list(notes.values())
 
@@ -153,7 +154,7 @@ def _run(
     identity = design.identity(request.identity(design.plan.signals))
     folder.check(identity, resume)
     if resume and folder.is_complete:
-        return
+        return  # nothing is missing, and the files stay as they are
     with session.open_runs([group.preparation for group in design.groups]) as runs:
         measures, described = _select(design, request, runs)
         # before the first run: a full disk after hours loses them

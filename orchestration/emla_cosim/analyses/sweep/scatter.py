@@ -119,6 +119,7 @@ def _draw_panel(
 ) -> None:
     scaled, is_boolean = display_of(result, name).factor * values, is_truth(result, name)
     x, y = _spread_levels(factor, 0), _spread(scaled, 1) if is_boolean else scaled
+    # the area of all marks together does not depend on their number
     crowding = 1.0 / np.sqrt(max(len(x), 1))
     size, alpha = float(np.clip(90.0 * crowding, 1.2, 5.0)), float(np.clip(20.0 * crowding, 0.25, 0.9))
     missing = np.isnan(scaled)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
-from .columns import figure_values, find_varying_figures, read_figure_by_variant, variant_numbers
+from .columns import find_varying_figures, read_figure_by_variant, variant_numbers
 from .result import SweepResult
 
 SALTELLI, ONE_AT_A_TIME = "saltelli", "one-at-a-time"
@@ -94,6 +94,7 @@ def sobol_indices(result: SweepResult, figure: str) -> SobolIndices:
     """
     check_sampling(result, SALTELLI, "Sobol indices")
     rows = len(result.factors) + 2
+    # rounded up: an interrupted sweep ends within a base sample
     count = -(-(int(variant_numbers(result).max(initial=-1)) + 1) // rows)
     values = read_figure_by_variant(result, figure, count * rows).reshape(count, rows)
     complete = values[~np.isnan(values).any(axis=1)]
@@ -114,6 +115,7 @@ def sobol_indices(result: SweepResult, figure: str) -> SobolIndices:
                 figure=figure,
             )
         # scaled, so that squares do not overflow
+        # not the seed of the sample itself: resamples must not repeat its random numbers
         indices = _compute_indices(complete / largest, result.seed + 1)
     left_out = count - len(complete)
     return SobolIndices(figure, tuple(result.factors), *indices, groups=len(complete), left_out=left_out)
@@ -172,16 +174,8 @@ def local_sensitivities(result: SweepResult, figure: str) -> list[LocalSensitivi
         CommandError: The sampling is another, or the figure does not exist.
     """
     check_sampling(result, ONE_AT_A_TIME, "local sensitivities")
-    count = 1 + 2 * len(result.factors)
-    figure_values(result, figure)  # raises if the figure does not exist
-    if int(variant_numbers(result).max(initial=-1)) >= count:
-        raise CommandError(
-            f"the sweep '{result.name}' has variants beyond the {count} that one-at-a-time has for "
-            f"{len(result.factors)} factors: the nominal one, and a low and a high one for each."
-        )
-    nominal, *values = (
-        None if np.isnan(value) else float(value) for value in read_figure_by_variant(result, figure, count)
-    )
+    figures = read_figure_by_variant(result, figure, 1 + 2 * len(result.factors))
+    nominal, *values = (None if np.isnan(value) else float(value) for value in figures)
     rows = [
         LocalSensitivity(name, low, high, nominal)
         for name, low, high in zip(result.factors, values[::2], values[1::2], strict=True)

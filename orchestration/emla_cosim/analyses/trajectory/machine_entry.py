@@ -105,7 +105,7 @@ def names_machine(name: str | Path) -> bool:
 def _check_triangles(machine: MachineModel, at: Location) -> None:
     """Raise CommandError if a triangle cannot close at an end of a stroke, with the others at the start."""
     if machine.closure.iterated:
-        return
+        return  # its closed loops have no formula whose root could be missing
     for ends, bounds in (("lower", machine.q_LB), ("upper", machine.q_UB)):
         rows = np.tile(machine.start, (len(bounds), 1))
         np.fill_diagonal(rows, bounds)

@@ -7,7 +7,6 @@ import numpy as np
 
 from machine_fmu.optimisation.assessment import Course
 from machine_fmu.optimisation.obstacles import Obstacle
-from machine_fmu.optimisation.problem import MotionProblem
 
 from ...base.arrays import Vector
 from ...study.sketch.painting import actuator_colors, convex_line, paint
@@ -31,50 +30,44 @@ _MARGIN = 0.4
 
 
 class _PanelRow(NamedTuple):
-    """One row of a picture: values by joint, their bounds if there are any, and a label."""
+    """One row of a picture: values by joint, their bounds if there are any, and the factor of both."""
 
     label: str
     values: np.ndarray
-    bounds: Sequence[Sequence[float]] = ()
+    bounds: Sequence[Sequence[float] | None]
+    factor: float
 
 
 def draw_pictures(result: TrajectoryResult) -> "dict[str, Figure]":
     """Return the pictures by name."""
     times = np.linspace(result.spline.start, result.spline.end, _POINTS)
     course, problem = result.course(times), result.problem
-    rows = (_list_forces_and_speeds(course, problem), _list_positions_and_accelerations(course, problem))
-    *by_joint, path = PICTURES
-    figures = {name: _draw_picture(problem.names, times, x) for name, x in zip(by_joint, rows, strict=True)}
-    return {**figures, path: _draw_path(result, course)}
-
-
-def _list_forces_and_speeds(course: Course, problem: MotionProblem) -> tuple[_PanelRow, _PanelRow]:
-    forces = [[x / 1e3 for x in bounds] for bounds in (problem.f_LB, problem.f_UB)]
-    speeds = [[x * 1e3 for x in bounds] for bounds in (problem.v_LB, problem.v_UB)]
-    return (
-        _PanelRow("force / kN", course.force / 1e3, (forces[0], forces[1])),
-        _PanelRow("speed / mm/s", course.v * 1e3, (speeds[0], speeds[1])),
+    forces_and_speeds = [
+        _PanelRow("force / kN", course.force, (problem.f_LB, problem.f_UB), 1e-3),
+        _PanelRow("speed / mm/s", course.v, (problem.v_LB, problem.v_UB), 1e3),
+    ]
+    positions_and_accelerations = [
+        _PanelRow("stroke / m", course.q, (problem.machine.q_LB, problem.machine.q_UB), 1.0),
+        _PanelRow("acceleration / mm/s²", course.a, (problem.a_LB, problem.a_UB), 1e3),
+        _PanelRow("jerk / mm/s³", course.j, (problem.j_LB, problem.j_UB), 1e3),
+    ]
+    pictures = (
+        _draw_picture(problem.names, times, forces_and_speeds),
+        _draw_picture(problem.names, times, positions_and_accelerations),
+        _draw_path(result, course),
     )
-
-
-def _list_positions_and_accelerations(course: Course, problem: MotionProblem) -> tuple[_PanelRow, ...]:
-    machine = problem.machine
-    accelerations, jerks = (
-        [[x * 1e3 for x in bounds] for bounds in pair if bounds is not None]
-        for pair in ((problem.a_LB, problem.a_UB), (problem.j_LB, problem.j_UB))
-    )
-    return (
-        _PanelRow("stroke / m", course.q, (machine.q_LB, machine.q_UB)),
-        _PanelRow("acceleration / mm/s²", course.a * 1e3, accelerations),
-        _PanelRow("jerk / mm/s³", course.j * 1e3, jerks),
-    )
+    return dict(zip(PICTURES, pictures, strict=True))
 
 
 def _draw_picture(joints: Sequence[str], times: Vector, rows: Sequence[_PanelRow]) -> "Figure":
     figure, axes = new_figure(len(rows), len(joints), 3.2)
     for i, row in enumerate(rows):
         for j, joint in enumerate(joints):
-            _draw_panel(axes[i, j], times, row, j)
+            axes[i, j].plot(times, row.factor * row.values[:, j], color=BLUE, linewidth=1.4)
+            for bounds in row.bounds:
+                if bounds is not None:
+                    axes[i, j].axhline(row.factor * bounds[j], color=RED, linewidth=0.9, linestyle="--")
+            tidy_axes(axes[i, j])
             if i == 0:
                 axes[i, j].set_title(joint, fontsize=10)
             if i == len(rows) - 1:
@@ -82,13 +75,6 @@ def _draw_picture(joints: Sequence[str], times: Vector, rows: Sequence[_PanelRow
         axes[i, 0].set_ylabel(row.label, fontsize=9)
     figure.align_ylabels(axes[:, 0])
     return figure
-
-
-def _draw_panel(axes: "Axes", times: Vector, row: _PanelRow, joint: int) -> None:
-    axes.plot(times, row.values[:, joint], color=BLUE, linewidth=1.4)
-    for bounds in row.bounds:
-        axes.axhline(bounds[joint], color=RED, linewidth=0.9, linestyle="--")
-    tidy_axes(axes)
 
 
 def _draw_path(result: TrajectoryResult, course: Course) -> "Figure":

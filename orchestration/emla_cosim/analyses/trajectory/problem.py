@@ -218,7 +218,7 @@ def _build_problem(values: Mapping[str, Any], machine: ProblemMachine, label: st
     for low, high in _SYMMETRIC.items():
         if low not in entries and isinstance(entries.get(high), tuple):
             entries[low] = tuple(-x for x in entries[high])
-    if entries.get("tip_E") is not None:
+    if entries.get("tip_E") is not None:  # the optimisation then chooses the strokes at the end
         entries.setdefault("q_E", entries["q_S"])
     missing = [name for name in ("v_UB", "f_UB", "t_M") if name not in entries]
     missing += [] if "q_E" in entries else ["q_E or tip_E"]

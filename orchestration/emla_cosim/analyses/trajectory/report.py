@@ -1,7 +1,7 @@
 """The report of an optimised motion: cost, peaks, distances, and whether bounds hold."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 from machine_fmu.optimisation.assessment import BODY, GROUND, Clearance, Peak, Swing
 from machine_fmu.optimisation.problem import EndSpeed
@@ -26,7 +26,7 @@ def build_report(result: TrajectoryResult) -> Report:
     """Return the report of a motion."""
     section = Section(
         lines=list(_list_assumptions(result)),
-        tables=[_tabulate_cost(result), *_tabulate_all_peaks(result)],
+        tables=[_tabulate_cost(result), *_tabulate_peaks(result)],
         pictures={name: name.replace("-", " ") for name in PICTURES},
         under=[*_list_distances(result), *_list_judgement(result)],
     )
@@ -48,24 +48,20 @@ def _list_assumptions(result: TrajectoryResult) -> Iterator[str]:
         yield "All joints end at rest (--end-speed rest)"
 
 
-def _tabulate_all_peaks(result: TrajectoryResult) -> Iterator[ReportTable]:
+def _tabulate_peaks(result: TrajectoryResult) -> Iterator[ReportTable]:
     """Yield tables of forces and speeds with their limits, by joint; a few joints in each."""
-    peaks = result.assessment.peaks
-    for first in range(0, len(peaks), _MAX_COLUMNS):
-        yield _tabulate_peaks(peaks[first : first + _MAX_COLUMNS])
-
-
-def _tabulate_peaks(peaks: Sequence[Peak]) -> ReportTable:
-    cells: list[tuple[str, str, Callable[[Peak], str]]] = [
+    figures: list[tuple[str, str, Callable[[Peak], str]]] = [
         ("force", "kN", lambda p: _format(p.force / 1e3, p.force_bound / 1e3)),
         ("speed", "mm/s", lambda p: _format(1e3 * p.speed, 1e3 * p.speed_bound)),
         ("acceleration", "mm/s²", lambda p: _format(1e3 * p.acceleration, _to_mm(p.acceleration_bound))),
         ("jerk", "mm/s³", lambda p: _format(1e3 * p.jerk, _to_mm(p.jerk_bound))),
         ("stroke", "m", lambda p: f"{p.lowest:.3f} to {p.highest:.3f}"),
     ]
-    rows = [[label, *map(cell, peaks), unit] for label, unit, cell in cells]
-    header = ["", *(peak.joint for peak in peaks), ""]
-    return ReportTable("Peaks on a dense grid, with their limits", header, rows, texts=(0, len(header) - 1))
+    for first in range(0, len(result.assessment.peaks), _MAX_COLUMNS):
+        peaks = result.assessment.peaks[first : first + _MAX_COLUMNS]
+        rows = [[label, *map(cell, peaks), unit] for label, unit, cell in figures]
+        header, title = ["", *(x.joint for x in peaks), ""], "Peaks on a dense grid, with their limits"
+        yield ReportTable(title, header, rows, texts=(0, len(header) - 1))
 
 
 def _tabulate_cost(result: TrajectoryResult) -> ReportTable:

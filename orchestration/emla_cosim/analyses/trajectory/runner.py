@@ -72,11 +72,14 @@ def trajectory(
         CommandError: the problem is wrong. Nothing was solved.
         RunError: no motion keeps all bounds; the message names those that are in the way.
     """
-    reporter, reading = progress or Progress(), _parse_reading(end_speed)
-    stated = load_problem(problem)
-    sizes = _check_sizes(degree, knots, points)
-    weight, parts = _check_weight(tie_break), _check_size("subdivisions", subdivisions)
-    discretisation = Discretisation(*sizes, weight, parts)
+    check_choice("reading of end speeds", end_speed, [reading.value for reading in EndSpeed])
+    reporter, reading, stated = progress or Progress(), EndSpeed(end_speed), load_problem(problem)
+    _check_sizes(degree=degree, points=points, subdivisions=subdivisions, starts=starts)
+    _check_knots(knots, degree)
+    weight = convert_value(tie_break, float, "the tie-break weight")
+    if not 0.0 <= weight <= 1e3:
+        raise CommandError(f"the tie-break weight is {weight:g}; it must be from 0 to 1000.")
+    discretisation = Discretisation(degree, knots, points, weight, subdivisions)
     files = None
     if output is not None:
         path = convert_value(output, Path, "the output file")
@@ -84,7 +87,7 @@ def trajectory(
         if plots and not has_extra("plots"):
             reporter.note(f"Note: {LEFT_OUT}.")
     read = _resolve_contradictions(stated, reading)
-    best, figures = _find_best(read, discretisation, _check_size("starts", starts), reporter)
+    best, figures = _find_best(read, discretisation, starts, reporter)
     result = TrajectoryResult(
         best.spline(discretisation),
         figures,
@@ -101,38 +104,21 @@ def trajectory(
     return result
 
 
-def _parse_reading(name: str) -> EndSpeed:
-    check_choice("reading of end speeds", name, [reading.value for reading in EndSpeed])
-    return EndSpeed(name)
+def _check_sizes(**sizes: int) -> None:
+    for name, value in sizes.items():
+        least, most = _RANGES[name]
+        if type(value) is not int or not least <= value <= most:
+            raise CommandError(f"{name} is {value!r}; it must be a whole number from {least} to {most}.")
 
 
-def _check_sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
-    most, least = COEFFICIENTS + 1 - _check_size("degree", degree), _MIN_COEFFICIENTS + 1 - degree
-    if not _is_integer(knots) or not max(least, 2) <= knots <= most:
+def _check_knots(knots: int, degree: int) -> None:
+    # a spline of this degree has knots + degree - 1 coefficients
+    least, most = max(_MIN_COEFFICIENTS + 1 - degree, 2), COEFFICIENTS + 1 - degree
+    if type(knots) is not int or not least <= knots <= most:
         raise CommandError(
-            f"knots is {knots!r}; with degree {degree}, it must be a whole number from {max(least, 2)} to "
-            f"{most}: the block Trajectory has room for {COEFFICIENTS} coefficients, which are knots + "
-            "degree - 1."
+            f"knots is {knots!r}; with degree {degree}, it must be a whole number from {least} to {most}: "
+            f"the block Trajectory has room for {COEFFICIENTS} coefficients, which are knots + degree - 1."
         )
-    return degree, knots, _check_size("points", points)
-
-
-def _check_size(name: str, value: int) -> int:
-    least, most = _RANGES[name]
-    if not _is_integer(value) or not least <= value <= most:
-        raise CommandError(f"{name} is {value!r}; it must be a whole number from {least} to {most}.")
-    return value
-
-
-def _is_integer(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _check_weight(tie_break: float) -> float:
-    weight = convert_value(tie_break, float, "the tie-break weight")
-    if not 0.0 <= weight <= 1e3:
-        raise CommandError(f"the tie-break weight is {weight:g}; it must be from 0 to 1000.")
-    return weight
 
 
 def _resolve_contradictions(problem: MotionProblem, reading: EndSpeed) -> MotionProblem:
@@ -159,6 +145,7 @@ def _find_best(
                 raise RunError(str(error)) from error
         reporter.finish()
     best = min(solutions, key=lambda solution: solution.cost)
+    # between the points that were constrained, a bound can be exceeded
     figures = assessed(best.spline(how), problem, how.tie_break)
     if not figures.within_bounds:
         reporter.begin("narrower bounds", MOST_ITERATIONS, "iterations")

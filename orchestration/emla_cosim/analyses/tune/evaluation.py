@@ -77,6 +77,7 @@ class Evaluation:
         Raises:
             RunError: The cluster is lost.
         """
+        # margins of loops would need further runs
         outcomes = self._run([gains], seeds, is_halved=True)
         return None if outcomes is None else _score_halved(self.task.objective, outcomes[0])
 
@@ -117,6 +118,7 @@ def _score_halved(objective: Objective, outcomes: Sequence[Sequence[VariantOutco
             reasons[case.name] = (failure.problem or failure.status).splitlines()[0].rstrip(".")
     complete = [i for i, case in enumerate(objective.cases) if case.name not in reasons]
     half = next((o.half_step for by_seed in outcomes for o in by_seed if o.half_step is not None), None)
+    # an objective without one of its cases does not compare with the one before
     if half is None or any(case.weight and case.name in reasons for case in objective.cases):
         return HalvedScore(None, half, reasons)
     smaller = replace(

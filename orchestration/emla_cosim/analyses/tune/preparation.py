@@ -64,7 +64,7 @@ class LoopMargins:
         for loop, response in responses.items():
             margins = None if isinstance(response, CosimError) else response.margins
             if margins is None or not margins.has_crossover:
-                continue
+                continue  # its conditions are missed then, as for an unstable loop
             figures |= {
                 f"{loop}: {_PHASE}": margins.phase_deg,
                 f"{loop}: {_GAIN_UP}": min(margins.gain_up_dB, _UNLIMITED_DB),
@@ -206,11 +206,12 @@ def _resolve_seeds(plan: TuningPlan, preparation: Preparation) -> Factor | None:
     """Return the start values that seed random sequences; None for a system without any."""
     if not plan.seeds:
         return None
+    # the value does not matter: each run gets the seed that is drawn for it
     entry = {"seeds": {"of": list(plan.seeds), "distribution": "values", "values": [1]}}
     try:
         (factor,) = resolve_factors(entry, preparation.system, preparation.interfaces, plan.where)
     except CommandError:
-        if plan.seeds == TuningPlan.seeds:
+        if plan.seeds == TuningPlan.seeds:  # the default matches nothing in a system without random numbers
             return None
         raise
     return factor

@@ -138,6 +138,7 @@ def tune(
         scenario = load_planned(plan)
         check_no_condition(scenario.options.stop_when, "tune")
         prepared = session.prepare(scenario)
+        # as conditions of the search: as requirements of a run they would make it fail
         conditions = [*plan.require, *prepared.options.require]
         preparation = replace(prepared, options=replace(prepared.options, require=[]))
         with session.open_runs([preparation]) as runs:
@@ -165,6 +166,7 @@ class Search:
 
     def report_order(self, orders: Sequence[Order]) -> None:
         """Report the sort keys of the points of this generation, in the same order."""
+        # ranks: violations and objectives have no common scale
         ranks = {order: rank for rank, order in enumerate(sorted(set(orders)))}
         self._strategy.tell(self._proposed, [float(ranks[order]) for order in orders])
 
@@ -213,6 +215,7 @@ class _Tuning:
         # a system without random sequences runs once, with the seeds of the scenario
         training = training or [None]
         self.session.progress.begin("tuning", plan.evaluations, "gains")
+        # the gains of the scenario come first: the result must not be worse than these
         first = self.evaluation.score([{}], training)
         if first is None:
             raise RunError("interrupted before the first evaluation.")

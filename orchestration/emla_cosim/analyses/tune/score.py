@@ -186,9 +186,11 @@ def _find_excess(required: Requirement, figure: Any, margin: float = 0.0) -> flo
     if isinstance(required.value, bool) or required.sign in ("==", "!="):
         return 0.0 if required.met_by(figure) else _BOOLEAN_VIOLATION
     scale = abs(required.value) or 1.0
+    # relative, so that conditions in different units weigh the same
     beyond = (figure - required.value) / scale * (1.0 if required.sign[0] == "<" else -1.0) + margin
     if beyond < 0.0 or (beyond == 0.0 and required.sign[1:]):
         return 0.0
+    # at least a little: 0 would mean that the condition holds
     return min(max(beyond, 1e-9), _MAX_VIOLATION)
 
 
@@ -243,6 +245,7 @@ def tracking_error(layout: Outline) -> Metrics | None:
 @contextmanager
 def record_tracking_error() -> Iterator[None]:
     """Record the tracking error meanwhile, here and on workers that start meanwhile."""
+    # other commands of this process must not show it
     METRICS[_METRICS_NAME] = tracking_error
     try:
         yield

@@ -44,6 +44,7 @@ class GainAxis:
         """Return the quantile nearest to a value of the gain; the middle for None."""
         if value is None:
             return 0.5
+        # on a grid: distributions return values of quantiles, not the inverse
         quantiles = np.linspace(0.0, 1.0, _GRID_POINTS)
         drawn = self.distribution.at(quantiles)
         if not all(isinstance(x, (int, float)) for x in drawn):
@@ -167,5 +168,5 @@ def _find_start(axis: GainAxis, system: System, interfaces: Mapping[str, Interfa
         return None
     first, *further = axis.factor.targets
     if further and first.nominal is not None:
-        return 1.0
+        return 1.0  # the multiplier that leaves all of them as they are
     return Names(system, interfaces).find(first.name).start_number

@@ -145,6 +145,7 @@ class _FactorResolver:
             return Factor(self.name, [Target(joint, ACTUATOR)], parse_distribution(entry, self.label))
         units = set[str]()
 
+        # the data sheet reads the entry later, with its own rules for units such as "Ohm line to line"
         def convert(text: str) -> float:
             number, unit = split_quantity(text, self.label)
             units.add(unit)
@@ -174,6 +175,7 @@ class _FactorResolver:
         if "." not in name and not self.names.match(name):
             hint = suggest_names(name, [*options, *components], "write it as component.variable.")
             raise CommandError(f"{self.label} is not an option, component or start value; {hint}", name=name)
+        # a product with a factor is seldom whole
         is_integer = not distribution.relative and all(isinstance(end, int) for end in distribution.ends)
         types = ("Real", "Integer") if is_integer else ("Real",)
         variables = self.names.resolve(name, self.label, "varied", lambda v: v.variable.type in types)

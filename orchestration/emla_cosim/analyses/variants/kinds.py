@@ -174,7 +174,7 @@ def is_number(value: Any) -> bool:
 
 
 class _Continuous(Distribution):
-    """A distribution of real numbers from `low` to `high`; None is no bound. `positive` fields exceed 0."""
+    """A distribution of real numbers from `low` to `high`, None if unbounded; `positive` fields exceed 0."""
 
     low: Any
     high: Any
@@ -185,7 +185,9 @@ class _Continuous(Distribution):
         low, high = self.low, self.high
         q = np.asarray(quantiles, dtype=np.float64)
         inner = np.clip(q, _MIN_Q if low is None else 0, 1 - _MIN_Q if high is None else 1)
-        with np.errstate(over="ignore"):
+        with np.errstate(
+            over="ignore"
+        ):  # `_check` of truncated distributions looks for infinite values itself
             values = np.array(self._inverse(inner))
         if low is not None:
             values = np.where(q <= 0, low, np.maximum(values, low))
@@ -277,6 +279,7 @@ class _Truncated(_Continuous):
         """Return the bounds as standard deviations above the middle, and the probability between them."""
         from scipy.special import ndtr  # slow to import, and most sweeps have no normal distribution
 
+        # as the difference of the smaller tails: that of numbers near 1 would lose all digits
         low = -math.inf if self.low is None else self._standardize(self.low)
         high = math.inf if self.high is None else self._standardize(self.high)
         return low, high, float(ndtr(-low) - ndtr(-high) if low > 0 else ndtr(high) - ndtr(low))

@@ -186,6 +186,7 @@ def resolve_measures(
     for name, text in request.expressions.items():
         expressions[name], inside = _quote_signals(text, allowed)
         used |= inside
+    # nobody knows which signals a function of the user reads
     read = sorted({*recorded, *used, *(signals if request.functions else ())})
     measures = Measures(names, expressions, request.functions, list(recorded), read)
     trial = _check_expressions(measures, request.expressions, allowed, where)
@@ -225,6 +226,7 @@ def _check_expressions(
 ) -> dict[str, float | bool | None]:
     """Evaluate all expressions for two rows of zeros. Raise CommandError if one fails."""
     values: dict[str, float | bool | None] = {}
+    # two rows: an expression that does not reduce them to one value shows itself before the first run
     frame = polars.DataFrame({name: [0.0, 0.0] for name in (_TIME, *measures.read)})
     for name, expression in measures.expressions.items():
         try:

@@ -14,9 +14,6 @@ from ...base.values import convert_value
 from ...system.model import Value
 from .kinds import Distribution
 
-_MAX_SOBOL_RUNS, _MAX_SOBOL_DIMENSIONS = 2**30, 21201
-"""Length and dimensions of SciPy's Sobol sequence."""
-
 Columns = list[list[Value | None]]
 """For each factor its value in each variant; None for the nominal value."""
 
@@ -29,13 +26,11 @@ class Sampling:
         draw: Returns the values from distributions, runs and seed.
         count: Returns the number of variants from distributions and runs. Default: the runs.
         own_size: For samplings without runs: what determines their size. `runs` is 0 then.
-        dimensions: Dimensions of a Sobol sequence for each factor; 0 without a sequence.
     """
 
     draw: Callable[[Sequence[Distribution], int, int], Columns]
     count: Callable[[Sequence[Distribution], int], int] = lambda _, runs: runs
     own_size: str = ""
-    dimensions: int = 0
 
 
 def count_variants(method: str, distributions: Sequence[Distribution], runs: int | None) -> int:
@@ -70,8 +65,8 @@ def sample(method: str, distributions: Sequence[Distribution], runs: int | None,
         For each distribution a list with a value for each variant; None for the nominal value.
 
     Raises:
-        CommandError: An argument is invalid, the sampling has too many dimensions for a Sobol sequence, or
-            a distribution has no levels for a grid (its position is in the field `index`).
+        CommandError: An argument is invalid, or a distribution has no levels for a grid (its position is in
+            the field `index`).
     """
     sampling = _check_method(method, distributions, runs)
     if convert_value(seed, int, "the seed") < 0:
@@ -84,7 +79,6 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
     sampling = SAMPLINGS[method]
     if not distributions:
         raise CommandError("nothing varies; a sampling needs at least one distribution.")
-    dimensions = sampling.dimensions * len(distributions)
     if sampling.own_size:
         if runs is not None:
             raise CommandError(
@@ -96,19 +90,6 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
         raise CommandError(f"the sampling '{method}' needs a number of runs, 1 or more.", method=method)
     elif convert_value(runs, int, "the number of runs") < 1:
         raise CommandError(f"the number of runs is {runs}; it must be 1 or more.", runs=runs)
-    elif dimensions and runs > _MAX_SOBOL_RUNS:
-        raise CommandError(
-            f"the sampling '{method}' has at most {_MAX_SOBOL_RUNS} runs, the length of Sobol's sequence; "
-            f"the plan has {runs}.",
-            runs=runs,
-        )
-    if dimensions > _MAX_SOBOL_DIMENSIONS:
-        most = _MAX_SOBOL_DIMENSIONS // sampling.dimensions
-        raise CommandError(
-            f"the sampling '{method}' can vary at most {most} factors, as Sobol's sequence has no more "
-            f"dimensions; the plan has {len(distributions)}.",
-            method=method,
-        )
     return sampling
 
 
@@ -146,6 +127,7 @@ def _draw_latin_hypercube(distributions: Sequence[Distribution], runs: int, seed
 def _draw_sobol_points(dimensions: int, runs: int, seed: int) -> Vector:
     from scipy.stats import qmc
 
+    # a whole power of two, of which the first are used: SciPy warns about any other number
     return qmc.Sobol(dimensions, rng=seed).random_base2((runs - 1).bit_length())[:runs]
 
 
@@ -176,10 +158,8 @@ SAMPLINGS: dict[str, Sampling] = {
     "grid": Sampling(_draw_grid, _count_levels, own_size="a grid is as large as its levels make it"),
     "random": Sampling(_draw_random),
     "latin-hypercube": Sampling(_draw_latin_hypercube),
-    "sobol": Sampling(_draw_sobol, dimensions=1),
-    "saltelli": Sampling(
-        _draw_saltelli, lambda distributions, runs: runs * (len(distributions) + 2), dimensions=2
-    ),
+    "sobol": Sampling(_draw_sobol),
+    "saltelli": Sampling(_draw_saltelli, lambda distributions, runs: runs * (len(distributions) + 2)),
     "one-at-a-time": Sampling(
         _draw_one_at_a_time,
         lambda distributions, _: 2 * len(distributions) + 1,
@@ -204,6 +184,7 @@ def draw_seeds(entropy: int | list[int], count: int, without: Collection[int] = 
         Whole numbers from 1 to `LARGEST_SEED` - 1.
     """
     random, seeds = np.random.default_rng(entropy), dict[int, None]()
+    # one by one, so that more seeds continue the same sequence
     while len(seeds) < count:
         if (drawn := int(random.integers(1, LARGEST_SEED))) not in without:
             seeds[drawn] = None

@@ -47,6 +47,7 @@ def assign_value(targets: Sequence[Target], value: Value | None) -> dict[str, An
         return options
     for target in targets:
         assigned = value
+        # the table has the multiplier only where several targets have different nominal values
         if target.nominal is not None and len(targets) > 1:
             assigned = target.nominal * float(value)
         if target.unit:
@@ -105,4 +106,5 @@ def _format_value(value: Any) -> str:
         return str(value.file)
     if isinstance(value, bool):
         return str(value).lower()
+    # repr: the command must repeat the run to the last bit
     return repr(value) if isinstance(value, float) else str(value)

@@ -58,7 +58,7 @@ def lines(force: np.ndarray) -> list[tuple[float, float]]:
     return list(pairwise(np.interp(np.linspace(0.0, 2.0, round(2.0 / STEP) + 1), TIME, force).tolist()))
 
 
-def hold(force: np.ndarray) -> list[tuple[float, float]]:
+def hold_steps(force: np.ndarray) -> list[tuple[float, float]]:
     """The force of each step, if it is held."""
     return [(x, x) for x in force.tolist()]
 
@@ -138,8 +138,8 @@ def test_estimates_and_errors_equal_those_of_scipy(identify: Identify) -> None:
 def test_run_ends_where_the_measurement_ends(fmu: Path, identify: Identify, scheduler: Client) -> None:
     """Data for inputs need a stop time; without any it is that of the measured data."""
     options = {"set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, **data(noisy())}
-    system = ec.System([ec.Component("Cart", fmu=fmu)], ())
     ranges = {"Cart.m": "0.2:10"}
+    system = ec.System.of({"Cart": fmu})
     result = ec.identify(system, ranges, scheduler=scheduler, step_size=STEP, **options)
     assert result.samples["time"].max() == 2.0
     assert result["Cart.m"].value == identify(ranges, **options)["Cart.m"].value
@@ -160,16 +160,13 @@ class Wave(Block):
 
 
 @pytest.fixture(scope="module")
-def driven(fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ec.System:
-    path = tmp_path_factory.mktemp("wave") / "wave.fmu"
-    build(Wave, path, producer=PRODUCER)
-    components = [ec.Component("wave", fmu=path), ec.Component("Cart", fmu=fmu)]
-    return ec.System(components, ()).with_connections("wave.F -> Cart.F")
+def driven(fmu: Path) -> ec.System:
+    return ec.System.of({"wave": Wave, "Cart": fmu}, ["wave.F -> Cart.F"])
 
 
 def fitted(x: np.ndarray, step: float) -> np.ndarray:
     """Estimates of SciPy with the force of the end of each step."""
-    forces = hold(wave(step * np.arange(1, round(2.0 / step) + 1)))
+    forces = hold_steps(wave(step * np.arange(1, round(2.0 / step) + 1)))
     return least_squares(
         lambda p: motion(*p, forces, step) - x, list(TRUE.values()), "3-point", xtol=1e-12, ftol=1e-12
     ).x
@@ -180,7 +177,7 @@ def test_change_by_half_the_step_equals_that_of_another_fit(
 ) -> None:
     fine = 1e-4
     force = wave(fine * (np.arange(round(2.0 / fine)) + 0.5))
-    x = motion(**TRUE, forces=hold(force), step=fine) + 2e-4 * np.random.default_rng(7).standard_normal(
+    x = motion(**TRUE, forces=hold_steps(force), step=fine) + 2e-4 * np.random.default_rng(7).standard_normal(
         len(TIME)
     )
     measured = [ec.Input(data={"time": TIME, "x": x}, signals={"Cart.x": "x"})]
@@ -203,7 +200,7 @@ def test_change_by_half_the_step_equals_that_of_another_fit(
 @pytest.mark.slow
 def test_step_is_not_judged_without_reason(driven: ec.System, scheduler: Client) -> None:
     """An exact fit has no standard errors worth the name; half a controlled step is none."""
-    forces = hold(wave(STEP * np.arange(1, round(2.0 / STEP) + 1)))
+    forces = hold_steps(wave(STEP * np.arange(1, round(2.0 / STEP) + 1)))
     exact = motion(**TRUE, forces=forces)
     wrong = exact + 1e-4 * np.random.default_rng(1).standard_normal(len(TIME))
     for x, options, reason in (

@@ -112,7 +112,7 @@ def test_invalid_entries_are_reported(vary: dict[str, Any], words: str, fmu_fold
 
 
 def test_overridden_entry_is_reported(fmu_folder: Path) -> None:
-    others = {name: x for name, x in prepared({"fmus": fmu_folder}).items() if not name.endswith("x_L")}
-    fixed = [ec.Experiment("fixed", [POSITION], {"set": others})]
+    fixed_values = {name: x for name, x in prepared({"fmus": fmu_folder}).items() if not name.endswith("x_L")}
+    fixed = [ec.Experiment("fixed", [POSITION], {"set": fixed_values})]
     with pytest.raises(CommandError, match="changes no start value of the experiment 'fixed'"):
         ec.identify("prototype", {f"actuator.{ENTRY}": "14 mm:18 mm"}, experiments=fixed, fmus=fmu_folder)

@@ -157,12 +157,12 @@ def makespan(durations: Sequence[float], threads: int) -> float:
             flying += 1
         while waiting and free:
             chunk, limit = waiting.popleft()
-            finished, busy = 0, 0.0
-            while finished < len(chunk.variants) and (not finished or busy <= limit):
-                busy += durations[chunk.variants[finished]]
+            finished, spent = 0, 0.0
+            while finished < len(chunk.variants) and (not finished or spent <= limit):
+                spent += durations[chunk.variants[finished]]
                 finished += 1
-            answer = answer_of(chunk.variants[:finished], busy)
-            heapq.heappush(ends, (now + busy + OVERHEAD, next(order), chunk, answer))
+            answer = answer_of(chunk.variants[:finished], spent)
+            heapq.heappush(ends, (now + spent + OVERHEAD, next(order), chunk, answer))
             free -= 1
         now, _, chunk, answer = heapq.heappop(ends)
         free, flying = free + 1, flying - 1

@@ -79,9 +79,9 @@ def test_only_the_signals_of_expressions_are_recorded() -> None:
 
 
 @given(st.sampled_from(SIGNALS), st.sampled_from(SIGNALS))
-def test_any_two_signals_can_be_combined(one: str, other: str) -> None:
-    value = resolve({"mine": f"sum({one}) + 2 * max({other})"}).of(result())["mine"]
-    assert value == pytest.approx(sum(VALUES[one]) + 2 * max(VALUES[other]))
+def test_any_two_signals_can_be_combined(first: str, second: str) -> None:
+    value = resolve({"mine": f"sum({first}) + 2 * max({second})"}).of(result())["mine"]
+    assert value == pytest.approx(sum(VALUES[first]) + 2 * max(VALUES[second]))
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def overlapping(figure: Any) -> list[tuple[str, str]]:
     """Pairs of texts of which one lies over the other."""
     figure.draw_without_rendering()
     boxes = [(t.get_text(), t.get_window_extent().padded(-1)) for t in texts(figure)]
-    return [(a, b) for (a, box), (b, other_box) in combinations(boxes, 2) if box.overlaps(other_box)]
+    return [(a, b) for (a, box), (b, second_box) in combinations(boxes, 2) if box.overlaps(second_box)]
 
 
 KINDS = ["bands", "figures", "sobol", "tornado", "map"]
@@ -105,7 +105,7 @@ def test_bands_are_percentiles_of_running_variants() -> None:
     t = np.linspace(0, 2, 11)
     values = np.random.default_rng(1).normal(size=(40, 11))
     lengths = [11 if i % 3 else 4 for i in range(40)]
-    signals = series({"s": lambda i, own: values[i, : len(own)]}, [t[:n] for n in lengths])
+    signals = series({"s": lambda i, times: values[i, : len(times)]}, [t[:n] for n in lengths])
     bands = compute_bands(swept({"a": range(40)}, {}, signals=["s"], series=signals), "s")
     assert np.array_equal(bands.times, t)
     running = [[values[i, k] for i in range(40) if k < lengths[i]] for k in range(11)]
@@ -123,7 +123,7 @@ def test_bands_of_variants_with_other_times_are_interpolated() -> None:
 
 def test_bands_of_many_rows_are_the_same_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     t = np.linspace(0, 1, 1001)
-    signals = series({"s": lambda i, own: np.sin(own + i)}, [t] * 50)
+    signals = series({"s": lambda i, times: np.sin(times + i)}, [t] * 50)
     result = swept({"a": range(50)}, {}, signals=["s"], series=signals.reverse())  # parts come in any order
     bands = compute_bands(result, "s")
     monkeypatch.setattr(bands_module, "_MAX_ROWS", 3500)

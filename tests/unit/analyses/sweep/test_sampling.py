@@ -123,9 +123,6 @@ INVALID = [
     ("grid", parse("1,2", "integers(1, 9999)"), None, "a range of integers, number 2 of the factors, has"),
     ("grid", parse("1,2"), 4, "'grid' does not accept a number of runs: a grid is as large as its levels"),
     ("one-at-a-time", UNITS, 4, "'one-at-a-time' does not accept a number of runs: it runs the nominal"),
-    ("sobol", UNITS * 7068, 4, "'sobol' can vary at most 21201 factors, as Sobol's sequence has no more"),
-    ("saltelli", UNITS * 3534, 4, "'saltelli' can vary at most 10600 factors"),
-    ("sobol", UNITS, 2**30 + 1, "the sampling 'sobol' has at most 1073741824 runs"),
 ]
 
 
@@ -146,7 +143,3 @@ def test_seeds_are_whole_numbers_from_0(seed: Any) -> None:
 
 def test_runs_and_seed_can_be_numpy_integers() -> None:
     assert sample("random", UNITS, np.int64(3), np.uint8(4)) == sample("random", UNITS, 3, 4)  # type: ignore[arg-type]
-
-
-def test_messages_have_the_dimensions_of_scipy() -> None:
-    assert qmc.Sobol.MAXDIM == 21201

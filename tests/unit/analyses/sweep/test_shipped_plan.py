@@ -39,11 +39,8 @@ def test_plan_is_listed(emla: Emla) -> None:
     assert "Three joints" in line
 
 
-def test_plan_has_2000_variants_of_the_study(design: Design) -> None:
+def test_same_factors_vary_in_every_joint_of_the_study(design: Design) -> None:
     assert (design.count, [group.preparation.name for group in design.groups]) == (2000, ["study"])
-
-
-def test_same_factors_vary_in_every_joint(design: Design) -> None:
     names = [f.name.partition(".") for f in design.factors]
     lift, tilt, telescope = ({variable for of, _, variable in names if of == joint} for joint in JOINTS)
     assert lift == tilt == telescope

@@ -34,10 +34,7 @@ def sweep(fmus: Path, client: Any = None, **options: Any) -> ec.SweepResult:
     ("error", "message"),
     [
         (OSError("gone"), r"the scheduler at tcp://there does not answer: gone\."),
-        (
-            KilledWorker("task", Mock(), 0),
-            "the worker that prepares .* ended: out of memory, or its machine",
-        ),
+        (KilledWorker("task", Mock(), 0), "the worker that prepares .* ended: out of memory, or its"),
         (ImportError("no polars"), "the workers of tcp://there cannot run this: no polars; install the same"),
         (ValueError("mine"), r"the scenario cannot be started on a worker: ValueError\('mine'\)"),
     ],

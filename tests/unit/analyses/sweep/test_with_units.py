@@ -66,8 +66,10 @@ def test_samples_have_the_unit_of_the_variable(fmu_folder: Path) -> None:
         ("log-normal(16 mm, 0.1)", "log-normal(0.016, 0.1)"),
         ("triangular(1 mm, 2 mm, 5 mm)", "triangular(0.001, 0.002, 0.005)"),
     ):
-        (sample, _), (other, _) = (table({LEAD: x}, fmu_folder, runs=5, seed=3) for x in (with_unit, plain))
-        assert sample[LEAD] == pytest.approx(other[LEAD], rel=1e-14)
+        (sample, _), (expected, _) = (
+            table({LEAD: x}, fmu_folder, runs=5, seed=3) for x in (with_unit, plain)
+        )
+        assert sample[LEAD] == pytest.approx(expected[LEAD], rel=1e-14)
 
 
 def test_units_in_patterns_several_targets_and_options(fmu_folder: Path) -> None:

@@ -24,11 +24,10 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
 from emla_cosim.run.requirements import parse_requirement
 from emla_cosim.run.scenarios.built_in import TUNINGS
-from emla_cosim.system.model import Component, System
-from fmublock import Block, DiscreteState, Input, Output, Parameter, StartTime, State, build, where
+from emla_cosim.system.model import System
+from fmublock import Block, DiscreteState, Input, Output, Parameter, StartTime, State, where
 from tests.support.commands import Emla
 from tests.support.tiers import mostly_slow
-from tests.support.toy_fmu import PRODUCER
 
 
 class Valley(Block):
@@ -59,10 +58,8 @@ VALLEY: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def valley(tmp_path_factory: pytest.TempPathFactory) -> System:
-    path = tmp_path_factory.mktemp("valley") / "Valley.fmu"
-    build(Valley, path, producer=PRODUCER)
-    return System((Component("v.f", "Valley", {}, path),), ())
+def valley() -> System:
+    return System.of({"v.f": Valley})
 
 
 def test_lowest_point_is_found(valley: System, scheduler: Client) -> None:
