@@ -134,16 +134,9 @@ def _layout_above(lines: Sequence[_Line], row: int, delimiter: str, first: Seque
     times = [i for i, cells in enumerate(above) if any(is_time_name(Header.of(c), names) for c in cells)]
     header = times[0] if len(times) == 1 else int(len(above) > 1 and _is_units(above[0]))
     has_units = header > 0 and _is_units(above[header - 1])
-    line = row - 1 - header
-    return CsvLayout(
-        above[header],
-        above[header - 1] if has_units else (),
-        first,
-        delimiter,
-        lines[row - 1].end,
-        line,
-        header - has_units,
-    )
+    units = above[header - 1] if has_units else ()
+    end, skipped = lines[row - 1].end, row - 1 - header
+    return CsvLayout(above[header], units, first, delimiter, end, skipped, header - has_units)
 
 
 def _is_row(cells: Sequence[str]) -> bool:

@@ -33,14 +33,13 @@ def test_values_that_hold_are_reported(
             assert len(actual) == bool(remark) and all(remark in text for text in actual)
 
 
-def test_sweeps_say_it_once(faulty_fmu: Path, tmp_path: Path, on_one_cluster: None) -> None:
-    class Notes(Progress):
-        def note(self, text: str) -> None:
-            actual.append(text)
-
-    actual = list[str]()
+def test_sweeps_say_it_once(
+    faulty_fmu: Path, tmp_path: Path, on_one_cluster: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    progress, notes = Progress(), list[str]()
+    monkeypatch.setattr(progress, "note", notes.append)
     data = tmp_path / "u.csv"
     data.write_text("time [s],u\n0.5,1\n2,1\n")
     scenario = ec.load(str(faulty_fmu), **STEP, input=[ec.Input(data, {"Faulty.u": "u"})])
-    ec.sweep(scenario, {"Faulty.b": [1.0, 2.0]}, metrics=["y = last(Faulty.y)"], progress=Notes())
-    assert sum("the first values hold until 0.5 s" in text for text in actual) == 1
+    ec.sweep(scenario, {"Faulty.b": [1.0, 2.0]}, metrics=["y = last(Faulty.y)"], progress=progress)
+    assert sum("the first values hold until 0.5 s" in text for text in notes) == 1

@@ -46,18 +46,11 @@ def ran(scenario: ec.Scenario, **options: Any) -> ec.Result:
         return simulation.run(**options)
 
 
-class Notes(Progress):
-    def __init__(self) -> None:
-        self.notes: list[str] = []
-
-    def note(self, sentence: str) -> None:
-        self.notes.append(sentence)
-
-
 def notes_of(scenario: ec.Scenario) -> str:
-    progress = Notes()
+    progress, notes = Progress(), list[str]()
+    progress.note = lambda sentence: notes.append(sentence)
     prepare_system(scenario.system, scenario.options, progress)
-    return " ".join(progress.notes)
+    return " ".join(notes)
 
 
 def change_first_value(file: Path) -> None:

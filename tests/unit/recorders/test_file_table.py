@@ -133,19 +133,19 @@ def test_checkpoint_waits_for_rows_on_the_disk(tmp_path: Path) -> None:
     for cuts in ([], [10, 50], [7, 8, 9, 64]):
         path = tmp_path / f"{len(actual)}.csv"
         file: Any = CsvFile(path)
-        outline = make_outline(steps_per_row)
-        file.begin(outline)
+        layout = make_outline(steps_per_row)
+        file.begin(layout)
         for block, following in zip(np.split(rows, cuts), [*cuts, None], strict=True):
             file.write(block)
             if following is None:
                 break
-            memory = file.memory()
-            assert path.stat().st_size == memory["bytes"]
+            state = file.memory()
+            assert path.stat().st_size == state["bytes"]
             assert len(polars.read_csv(path)) == -(-following // steps_per_row)
             with path.open("ab") as stream:
                 stream.write(b"rows after the checkpoint\n")
             file = CsvFile(path)
-            file.begin(outline, memory)
+            file.begin(layout, state)
         assert file.read(["b"])["b"][0] == rows[0, 2]  # also rows that wait
         file.end()
         actual.append(path.read_bytes())

@@ -34,21 +34,21 @@ def in_blocks(rows: np.ndarray, sizes: list[int]) -> list[np.ndarray]:
 
 @given(
     count=st.integers(1, 200),
-    every=st.integers(1, 30),
+    stride=st.integers(1, 30),
     sizes=st.lists(st.integers(1, 50), min_size=1, max_size=5),
 )
 def test_csv_has_every_nth_row_and_the_last_for_any_blocks(
-    count: int, every: int, sizes: list[int], tmp_path_factory: pytest.TempPathFactory
+    count: int, stride: int, sizes: list[int], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     path = tmp_path_factory.mktemp("csv") / "results.csv"
     rows = np.random.default_rng(count).normal(size=(count, 3)) * 10.0 ** np.arange(-200, 201, 200)
     rows[:, 0] = np.arange(count)
     file = CsvFile(path)
-    file.begin(make_outline(["a.b", "c"], every))
+    file.begin(make_outline(["a.b", "c"], stride))
     for block in in_blocks(rows, sizes):
         file.write(block)
     file.end()
-    expected = rows[sorted({*range(0, count, every), count - 1})]
+    expected = rows[sorted({*range(0, count, stride), count - 1})]
     actual = open_stored_run(path).read(["time", "a.b", "c", "missing"])
     assert list(actual) == ["time", "a.b", "c"]
     assert np.array_equal(np.column_stack(list(actual.values())), expected)  # every bit comes back

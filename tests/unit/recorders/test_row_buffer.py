@@ -48,13 +48,13 @@ def test_another_process_finds_all_rows_that_are_not_stored(
     """At any instant, and also rows that compiled code has counted, but Python has not seen."""
     random = np.random.default_rng(seed)
     table, files = SlowTable(random, is_shown), list[RowFile]()
-    shown = {0: LinearTransformation(1.0, 5.0)} if is_shown else {}
+    transformations = {0: LinearTransformation(1.0, 5.0)} if is_shown else {}
 
     def map_rows(size: int) -> Any:
         files.append(RowFile(tmp_path, size))
         return files[-1].memory
 
-    buffer = RowBuffer(WIDTH, [table], block_rows=BLOCK, shown=shown, map_rows=map_rows)
+    buffer = RowBuffer(WIDTH, [table], block_rows=BLOCK, shown=transformations, map_rows=map_rows)
     count, activity = 0, crash_page.current_activity()
     for _ in range(100):
         rows = buffer.room(int(random.integers(1, 2 * BLOCK)))

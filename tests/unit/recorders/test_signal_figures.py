@@ -20,7 +20,7 @@ ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
 FIGURES = {"minimum": np.min, "maximum": np.max, "final": lambda values: values[-1]}
 
 
-def outline(count: int, recorded: Sequence[int]) -> Outline:
+def make_layout(count: int, recorded: Sequence[int]) -> Outline:
     return Outline(
         [f"a.x{i}" for i in range(count)], [None] * count, make_communication_points(1.0, 0.1), recorded
     )
@@ -29,8 +29,8 @@ def outline(count: int, recorded: Sequence[int]) -> Outline:
 def compute_metrics(
     rows: np.ndarray, sizes: Sequence[int], recorded: Sequence[int]
 ) -> dict[str, dict[str, float]]:
-    """The metrics of rows that come in blocks of these sizes, each to another one that goes on."""
-    about = outline(rows.shape[1] - 1, recorded)
+    """The metrics of rows that come in blocks of these sizes, each to another object that continues."""
+    about = make_layout(rows.shape[1] - 1, recorded)
     state, at = None, 0
     for size in (*sizes, len(rows)):
         recorder = SignalFigures(about, state)
@@ -76,7 +76,7 @@ def test_rows_of_any_width_count_once(signals: int) -> None:
 
 
 def test_metrics_are_nan_before_the_first_row() -> None:
-    figures = SignalFigures(outline(2, [1])).figures()
+    figures = SignalFigures(make_layout(2, [1])).figures()
     assert list(figures) == ["a.x1"] and np.isnan([figures["a.x1"][name] for name in NAMES]).all()
 
 

@@ -71,6 +71,7 @@ def _measure_motion(result: Result, joint: str, reference: str) -> dict[str, Any
     time = signals["time"]
     if len(time) < 2:
         return {}
+    # of the reference: it is the same for all controllers, also for one that loses the joint
     speed = np.abs(np.gradient(signals[reference], time))
     k = int(np.argmax(speed))
     stride = -(-len(time) // _POINTS)

@@ -104,16 +104,7 @@ def compare(
     # the set for loads that are not rigid is the recommended one where the scenario uses it
     is_compliant = load(str(scenario), **overrides).options.gains == COMPLIANT
     variants = select_variants(controllers, all_sets, further, COMPLIANT if is_compliant else None)
-    session = Session(
-        OUTPUTS,
-        output=output,
-        overwrite=overwrite,
-        plots=plots,
-        report=report,
-        scheduler=scheduler,
-        workers=workers,
-        progress=progress,
-    )
+    session = Session(OUTPUTS, output, overwrite, plots, report, scheduler, workers, progress)
     if table == STABILITY:
         overrides = {"stop_time": read_stability_stop_time(), **overrides}
     terms = ComparisonTerms(seeds, parse_reserves(reserves), overrides, ALL in (all_sets or ()))

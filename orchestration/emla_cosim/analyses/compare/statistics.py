@@ -105,6 +105,7 @@ def rank(variants: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranki
         return None
     best = min(means, key=lambda name: means[name])
     by_seed = {name: {row[SEED]: float(row[figure.name]) for row in variants[name].rows} for name in means}
+    # None alone: no run of these controllers has random sequences
     seeds = {seed for values in by_seed.values() for seed in values} - {None} or {None}
     for values in by_seed.values():
         if None in values:  # a run without random sequences is the same with every seed

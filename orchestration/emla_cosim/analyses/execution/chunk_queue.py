@@ -140,10 +140,10 @@ class ChunkQueue:
         if not self._waiting:
             return self._suspects.popleft(), _OVERRUN * _CHUNK_S
         first = self._waiting.popleft()
-        # a single variant while nobody knows how long one takes
+        # a single variant while the duration of the group is unknown
         count, expected = 1, _CHUNK_S
         if first.group in self._seconds:
-            least = int(_MIN_CHUNK_S / self._find_duration(first.group))
+            least = int(_MIN_CHUNK_S / self._seconds[first.group])
             fair = max(self._find_fair_length(threads), least)
             count = max(min(self._find_length(first.group, threads), fair, self._max_length), 1)
             expected = count * self._seconds[first.group]
@@ -154,13 +154,10 @@ class ChunkQueue:
         return chunk, _OVERRUN * max(expected, _MIN_CHUNK_S)
 
     def _find_length(self, group: int, threads: int) -> int:
-        return int(max(_CHUNK_S, _CHUNK_S_PER_THREAD * threads) / self._find_duration(group))
+        return int(max(_CHUNK_S, _CHUNK_S_PER_THREAD * threads) / self._seconds[group])
 
     def _find_fair_length(self, threads: int) -> int:
         return math.ceil(self._remaining / (_MIN_CHUNKS_PER_THREAD * threads))
-
-    def _find_duration(self, group: int) -> float:
-        return max(self._seconds[group], 1e-6)
 
     def take_answer(self, chunk: WorkPackage, answer: ChunkAnswer) -> list[Chunk]:
         """Return the results of a chunk. What did not run, runs later.
@@ -172,7 +169,8 @@ class ChunkQueue:
         if outcomes:
             duration = answer.wall_s / len(outcomes)
             # a running average: durations may change along a grid
-            self._seconds[chunk.group] = 0.5 * (self._seconds.get(chunk.group, duration) + duration)
+            average = 0.5 * (self._seconds.get(chunk.group, duration) + duration)
+            self._seconds[chunk.group] = max(average, 1e-6)  # it divides, and a clock may stand still
         done_numbers = {outcome.number for outcome in outcomes}
         if answer.timed_out is not None:
             limit = self._timeouts[chunk.group] or 0.0

@@ -245,7 +245,7 @@ class _SlowVariants:
 
 
 @contextmanager
-def start_workers(scheduler: Scheduler, workers: int | None) -> Iterator[Scheduler]:
+def start_workers(scheduler: Scheduler, workers: int | None) -> "Iterator[str | Client | VariantHost]":
     """Start the processes of this machine, which load while their caller prepares what to run.
 
     Args:
@@ -258,15 +258,9 @@ def start_workers(scheduler: Scheduler, workers: int | None) -> Iterator[Schedul
     Raises:
         RunError: No process can start.
     """
-    if scheduler is None:
-        with _start_host(workers) as host:
-            yield host
-    else:
+    if scheduler is not None:
         yield scheduler
-
-
-@contextmanager
-def _start_host(workers: int | None) -> Iterator[VariantHost]:
+        return
     with (
         temporary_folder("variants") as folder,
         closing(VariantHost(folder, workers or count_cores())) as host,
@@ -289,14 +283,13 @@ def open_executor(
     Raises:
         RunError: The scheduler does not answer.
     """
-    with ExitStack() as stack:
-        if scheduler is None or isinstance(scheduler, VariantHost):
-            host = scheduler or stack.enter_context(_start_host(workers))
-            started = LocalWorkers(host)
+    with start_workers(scheduler, workers) as opened, ExitStack() as stack:
+        if isinstance(opened, VariantHost):
+            started = LocalWorkers(opened)
         else:
             from .dask_workers import connect  # which only some have
 
-            started = stack.enter_context(connect(scheduler, payload, report))
+            started = stack.enter_context(connect(opened, payload, report))
         stack.enter_context(closing(started))
         yield Executor(started, payload, report)
 

@@ -3,6 +3,7 @@
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -28,10 +29,11 @@ class Outputs(Generic[R]):
     Attributes:
         what: What messages call the analysis, such as "sizing".
         name: Name of the record and of the page, without suffix, such as "size".
-        record: Returns the content of the record; None if `record_file` is the first table.
         tables: Functions that return the content of further files, by name; None for one that this result
             does not have.
         report: Returns the report.
+        record: Returns the content of the record; None if `record_file` is the first table. Default: the
+            `record` of the result.
         draw: Returns the pictures by file name.
         pictures: Names of the pictures that are known before the analysis.
         folders: Names of folders with further files.
@@ -41,9 +43,9 @@ class Outputs(Generic[R]):
 
     what: str
     name: str
-    record: Callable[[R], Mapping[str, Any]] | None
     tables: Mapping[str, Callable[[R], str | bytes | None]]
     report: Callable[[R], Report]
+    record: Callable[[R], Mapping[str, Any]] | None = attrgetter("record")
     draw: "Callable[[R], Iterable[tuple[str, Figure]]]" = lambda _: ()
     pictures: Sequence[str] = ()
     folders: Sequence[str] = ()

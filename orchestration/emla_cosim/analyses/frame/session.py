@@ -121,10 +121,10 @@ class Session(Generic[R]):
         overwrite: Whether to replace files that emla did not write.
         plots: Whether to draw pictures into the folder.
         report: Whether to write a page into the folder.
-        folder: Folder of another class, instead of `output`.
         scheduler: Address or client of a Dask scheduler; None for this machine.
         workers: Number of processes on this machine. Default: one for each core.
         progress: Receives the progress; each note only once.
+        folder: Folder of another class, instead of `output`.
 
     Raises:
         CommandError: The folder cannot be used, or there is no such cluster.
@@ -133,15 +133,15 @@ class Session(Generic[R]):
     def __init__(
         self,
         outputs: Outputs[R],
-        *,
         output: str | Path | None = None,
         overwrite: bool = False,
         plots: bool = True,
         report: bool = False,
-        folder: AnalysisFolder[R] | None = None,
         scheduler: Scheduler = None,
         workers: int | None = None,
         progress: Progress | None = None,
+        *,
+        folder: AnalysisFolder[R] | None = None,
     ) -> None:
         check_cluster(scheduler, workers)
         self.progress = NotesOnce(progress or Progress())

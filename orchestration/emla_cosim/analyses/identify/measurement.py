@@ -92,7 +92,7 @@ def read_measurements(
             # the spread of a measurement is the scale of its residuals
             if np.ptp(values) == 0.0:
                 raise CommandError(f"{text} does not vary: it has no information on {signal}.", signal=signal)
-            if any(other.signal == signal for other in measured):
+            if any(earlier.signal == signal for earlier in measured):
                 raise CommandError(f"{label} has two columns for {signal}; remove one.", signal=signal)
             measured.append(MeasuredSignal(signal, data.times, values, str(unit or ""), text))
     return measured, notes

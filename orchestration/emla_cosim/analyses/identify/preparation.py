@@ -150,6 +150,7 @@ def _choose_times(
     last = max(float(signal.time[-1]) for signal in measured)
     start, step = options.start_time or 0.0, options.step_size
     if options.stop_time is None or options.stop_time > last:
+        # a whole number of steps that reaches the last sample; 1e-9 absorbs the rounding of times in files
         changed["stop_time"] = last if not step else start + step * math.ceil((last - start) / step - 1e-9)
     if options.output_interval is None and step:
         sample_time = min(float(np.median(np.diff(signal.time))) for signal in measured)

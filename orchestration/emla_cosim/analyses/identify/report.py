@@ -229,7 +229,6 @@ def _format_scenario(result: IdentificationResult) -> str | None:
 OUTPUTS = Outputs[IdentificationResult](
     what="identification",
     name="identify",
-    record=lambda result: result.record,
     tables={
         SCENARIO: _format_scenario,
         "samples.csv": lambda result: result.samples.write_csv() if result.fits else None,

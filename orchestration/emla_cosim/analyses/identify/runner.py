@@ -131,16 +131,7 @@ def identify(
         "options": {**options, "overwrite": True} if overwrite else options,
     }
     plan = load_identification_plan(source).updated(fields)
-    session = Session(
-        OUTPUTS,
-        output=output,
-        overwrite=overwrite,
-        plots=plots,
-        report=report,
-        scheduler=scheduler,
-        workers=workers,
-        progress=progress,
-    )
+    session = Session(OUTPUTS, output, overwrite, plots, report, scheduler, workers, progress)
     with session.with_workers():
         task = prepare_task(plan, session)
         with session.open_runs(task.preparations) as runs:

@@ -15,7 +15,7 @@ from ...base.errors import CommandError, CosimError, RunError
 from ...run.half_step import halve_step
 from ...run.simulation import Simulation
 from .analysis_points import AnalysisPoint, ResolvedPoint
-from .margins import Margins, compute_margins
+from .margins import compute_margins
 from .perturbation import Perturbation
 from .response import (
     Complex,
@@ -247,16 +247,11 @@ def _find_worst(measured: MeasuredResponse) -> tuple[str, str, float]:
     if margins is None or halved_margins is None:
         change = measured.step_change or 0.0
         return "the response", f"{100.0 * change:.2g} %", change / LARGEST_CHANGE
-    changes = (_compare_margin(margins, halved_margins, *limit) for limit in _LIMITS)
-    return max(changes, key=lambda change: change[2])
-
-
-def _compare_margin(
-    margins: Margins, halved_margins: Margins, subject: str, name: str, unit: str, limit: float
-) -> tuple[str, str, float]:
-    """Return a margin, its change as text, and this as a multiple of the limit."""
-    before, after = getattr(margins, name), getattr(halved_margins, name)
-    if not (math.isfinite(before) and math.isfinite(after)):
-        return subject, "", 0.0
-    change = after - before
-    return subject, f"{change:+.3g}{unit}", abs(change) / (limit * (before if name == "phase_at" else 1.0))
+    worst = "the margins", "", 0.0
+    for subject, name, unit, limit in _LIMITS:
+        before, after = getattr(margins, name), getattr(halved_margins, name)
+        ratio = abs(after - before) / (limit * (before if name == "phase_at" else 1.0))
+        # a margin that is infinite before or after has no change to compare
+        if math.isfinite(ratio) and ratio > worst[2]:
+            worst = subject, f"{after - before:+.3g}{unit}", ratio
+    return worst

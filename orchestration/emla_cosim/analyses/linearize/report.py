@@ -162,7 +162,6 @@ def _draw(result: LinearizeResult) -> "Iterator[tuple[str, Figure]]":
 OUTPUTS = Outputs[LinearizeResult](
     what="linearization",
     name="linearize",
-    record=lambda result: result.record,
     tables={"responses.csv": lambda result: result.table.write_csv() if result.responses else None},
     report=build_report,
     draw=_draw,

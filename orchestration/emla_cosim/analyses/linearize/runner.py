@@ -113,14 +113,7 @@ def linearize(
         texts = _to_list(open), _to_list(perturb), _to_list(read)
         openings = [] if any(texts) else choose_openings(scenario.system)
         points = _list_points(scenario.system, openings or texts[0], *texts[1:])
-    session = Session(
-        OUTPUTS,
-        output=output,
-        overwrite=scenario.options.overwrite,
-        plots=plots,
-        report=report,
-        progress=progress,
-    )
+    session = Session(OUTPUTS, output, scenario.options.overwrite, plots, report, progress=progress)
     session.check_unread([scenario.options.files_read()])
     with session.reserve_folder():
         # steps of a coarse sensor would hide small pulses; what the user sets stays

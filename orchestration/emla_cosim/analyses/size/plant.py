@@ -97,6 +97,7 @@ def find_plant(
     def find(name: str) -> str | None:
         return next((p for p in (pattern.format(name) for pattern in patterns) if p in parameters), None)
 
+    # defaults switch properties off that a foreign plant does not have
     defaults = EmlaPlant.layout().parameters
     names = {p.attribute: name for p in defaults if (name := find(p.name or p.attribute)) is not None}
     values = {p.attribute: float(p.start) for p in defaults}

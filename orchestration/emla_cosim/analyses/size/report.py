@@ -293,7 +293,6 @@ def _draw(result: SizeResult) -> "Iterator[tuple[str, Figure]]":
 OUTPUTS = Outputs[SizeResult](
     what="sizing",
     name="size",
-    record=lambda result: result.record,
     tables={
         "limits.csv": lambda result: result.table.write_csv(),
         "cycles.csv": lambda result: result.cycles.write_csv(),

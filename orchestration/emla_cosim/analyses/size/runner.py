@@ -111,16 +111,8 @@ def size(
         raise CommandError("a seed is for random draws; add 'runs' (--runs), or remove it.")
     variation = Variation(vary, runs, seed) if vary else None
     varied = {joint: _label_sheets(joint, sheets) for joint, sheets in (candidates or {}).items()}
-    session = Session(
-        OUTPUTS,
-        output=output,
-        overwrite=bool(options.get("overwrite", False)),
-        plots=plots,
-        report=report,
-        scheduler=scheduler,
-        workers=workers,
-        progress=progress,
-    )
+    overwrite = bool(options.get("overwrite", False))
+    session = Session(OUTPUTS, output, overwrite, plots, report, scheduler, workers, progress)
     task = _Task(
         source, options, varied, cycle, lead_in, Requirements(ambient, life), variation, session, plots
     )

@@ -60,6 +60,7 @@ def compute_bands(result: SweepResult, signal: str) -> PercentileBands:
     longest = extents.sort(["end", "rows", VARIANT], descending=[True, True, False])[VARIANT][0]
     rows = series.filter(polars.col(VARIANT) == longest).select("time").collect()["time"]
     times = np.unique(rows.cast(polars.Float64).to_numpy())
+    # evenly spaced rows, the first and the last among them
     times = times[np.unique(np.linspace(0, len(times) - 1, _MAX_TIMES).round().astype(int))]
     values = np.full((len(extents), len(times)), np.nan)
     row = 0

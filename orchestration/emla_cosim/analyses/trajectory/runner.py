@@ -88,16 +88,9 @@ def trajectory(
             reporter.note(f"Note: {LEFT_OUT}.")
     read = _resolve_contradictions(stated, reading)
     best, figures = _find_best(read, discretisation, starts, reporter)
+    spline, contradictions = best.spline(discretisation), find_contradictions(stated)
     result = TrajectoryResult(
-        best.spline(discretisation),
-        figures,
-        stated,
-        read,
-        reading,
-        find_contradictions(stated),
-        discretisation,
-        best,
-        starts,
+        spline, figures, stated, read, reading, contradictions, discretisation, best, starts
     )
     if files is not None:
         files.write(result)

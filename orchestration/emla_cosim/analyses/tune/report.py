@@ -147,7 +147,7 @@ def _tabulate_plan(plan: Mapping[str, Any]) -> ReportTable:
             rows += [[key, _format_entry(entry)] for entry in value]
         elif value not in ("", None):
             rows.append([key, _format_entry(value)])
-    return ReportTable("What was asked for", ("entry", "value"), rows, texts=(0, 1))
+    return ReportTable("Values of the plan", ("entry", "value"), rows, texts=(0, 1))
 
 
 def _format_entry(value: Any) -> str:
@@ -215,7 +215,6 @@ def _use_log_scale(axes: "Axes", values: np.ndarray) -> None:
 OUTPUTS = Outputs[TuneResult](
     what="tuning",
     name="tune",
-    record=lambda result: result.record,
     tables={
         BEST: lambda r: format_scenario(f"Gains found by the tuning {r.name}", r.scenario, r.best.set),
         "history.csv": lambda r: r.history.write_csv(),

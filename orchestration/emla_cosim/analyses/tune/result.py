@@ -39,6 +39,7 @@ class Tuned:
     @property
     def ratio(self) -> float:
         """Objective on the validation seeds divided by that on the training seeds, or NaN."""
+        # an objective of 0 has no relative change
         if self.validation is None or not self.training.objective:
             return float("nan")
         return self.validation.objective / self.training.objective

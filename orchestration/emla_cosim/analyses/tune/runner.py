@@ -124,16 +124,7 @@ def tune(
         "options": {**options, "overwrite": True} if overwrite else options,
     }
     plan = load_tuning_plan(source).updated(fields)
-    session = Session(
-        OUTPUTS,
-        output=output,
-        overwrite=overwrite,
-        plots=plots,
-        report=report,
-        scheduler=scheduler,
-        workers=workers,
-        progress=progress,
-    )
+    session = Session(OUTPUTS, output, overwrite, plots, report, scheduler, workers, progress)
     with session.with_workers(), record_tracking_error():
         scenario = load_planned(plan)
         check_no_condition(scenario.options.stop_when, "tune")

@@ -113,13 +113,12 @@ class _FactorResolver:
         joints = self.system.branches
         if of is None and self.name.partition(".")[0] == ACTUATOR and ACTUATOR not in joints:
             return [self._resolve_actuator(entry, joints)]
-        distribution = parse_distribution(
-            entry,
-            self.label,  # a number in SI units keeps the order of values
-            lambda text: read_si_number(
-                text, f"{self.label}: {text}", (i.units for i in self.names.interfaces.values())
-            ),
-        )
+        units = [interface.units for interface in self.names.interfaces.values()]
+
+        def convert(text: str) -> float:  # a number in SI units keeps the order of values
+            return read_si_number(text, f"{self.label}: {text}", units)
+
+        distribution = parse_distribution(entry, self.label, convert)
         if of is None:
             subjects = self._find_subjects(self.name, distribution)
             return [self._make_factor(s.name, [s], entry) for s in subjects]

@@ -186,7 +186,7 @@ def resolve_measures(
     for name, text in request.expressions.items():
         expressions[name], inside = _quote_signals(text, allowed)
         used |= inside
-    # nobody knows which signals a function of the user reads
+    # a function of the user may read any signal
     read = sorted({*recorded, *used, *(signals if request.functions else ())})
     measures = Measures(names, expressions, request.functions, list(recorded), read)
     trial = _check_expressions(measures, request.expressions, allowed, where)

@@ -187,7 +187,7 @@ def test_reserve_reduces_the_peak_torque(fmu_folder: Path) -> None:
 
 
 class Proportional(Block):
-    """A controller of somebody else, without currents, limits, gains or reserves."""
+    """A controller of another company, without currents, limits, gains or reserves."""
 
     x_d = Input(unit="m")
     x_hat = Input(unit="m")

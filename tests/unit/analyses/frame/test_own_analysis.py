@@ -34,8 +34,13 @@ def test_corners_are_those_of_a_loop_over_runs(tmp_path: Path) -> None:
     assert "<h1>lift</h1>" in page and 'src="data:image/png' in page
 
 
-def test_a_second_run_replaces_its_files_and_removes_pictures_that_it_does_not_draw(tmp_path: Path) -> None:
-    corners("lift", FACTORS, METRIC, output=tmp_path, report=True, stop_time=0.01)
+def test_pictures_and_pages_of_the_result_before_are_removed(tmp_path: Path) -> None:
+    """By a result that is not final, and by a run without plots."""
+    result = corners("lift", FACTORS, METRIC, output=tmp_path, report=True, stop_time=0.01)
+    folder = AnalysisFolder(OUTPUTS, tmp_path, report=True)
+    folder.keep(result, is_final=False)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["corners.json"]
+    folder.keep(result)
     corners("lift", FACTORS, METRIC, output=tmp_path, plots=False, stop_time=0.01)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["corners.json"]
 
@@ -50,18 +55,12 @@ def test_files_of_the_user_are_refused(tmp_path: Path) -> None:
 def test_a_page_of_the_user_stays_and_is_not_listed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    result = corners("lift", FACTORS, METRIC, output=tmp_path, stop_time=0.01)
+    (tmp_path / "corners.json").write_text('{"format": "emla-corners"}')
     (tmp_path / "corners.html").write_text("mine")
-    corners("lift", FACTORS, METRIC, output=tmp_path, stop_time=0.01)
+    result = corners("lift", FACTORS, METRIC, output=tmp_path, stop_time=0.01)
     show_result(OUTPUTS, result, tmp_path)
     assert (tmp_path / "corners.html").read_text() == "mine"
     assert capsys.readouterr().out.rstrip().endswith("corners.json, corners.png")
-
-
-def test_a_result_that_is_not_final_removes_pictures_and_pages_of_the_one_before(tmp_path: Path) -> None:
-    result = corners("lift", FACTORS, METRIC, output=tmp_path, report=True, stop_time=0.01)
-    AnalysisFolder(OUTPUTS, tmp_path, report=True).keep(result, is_final=False)
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["corners.json"]
 
 
 def test_names_in_tables_are_shown_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:

@@ -81,7 +81,7 @@ def test_values_with_failing_runs_are_avoided() -> None:
 
 
 def test_uneven_valley_is_followed_to_its_end() -> None:
-    """Rounding of the outputs stops a search in a narrow valley; points along it show that it goes on."""
+    """Rounding of the outputs stops a search in a narrow valley; points along it show that it continues."""
 
     def uneven(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
         y = p["a"] * TIME + p["b"] * (TIME + 0.02 * TIME**2)

@@ -334,15 +334,15 @@ def test_failing_runs_are_avoided(identify: Identify) -> None:
 
 
 def test_columns_with_names_of_signals_are_compared(identify: Identify) -> None:
-    x, progress = noisy(), Interrupting()
+    x = noisy()
     columns = {"time": TIME, "Cart.x": x, "Cart.v": np.gradient(x, TIME), "remark": ["as usual"] * len(TIME)}
     driven = {"time": TIME, "Cart.F": FORCE, "remark": ["as usual"] * len(TIME)}
     for selection, signals in ((("Cart.x",), {"Cart.x"}), ((), {"Cart.x", "Cart.v"})):
         options = {"measured": [ec.Input(data=columns, columns=selection)], "input": [ec.Input(data=driven)]}
         values = {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}
-        result = identify({"Cart.m": "0.2:10"}, progress=progress, set=values, **options)
+        result = identify({"Cart.m": "0.2:10"}, set=values, **options)
         assert {fit.signal for fit in result.fits} == signals
-    assert any("columns that were not compared: remark" in note for note in progress.notes)
+    assert any("columns that were not compared: remark" in note for note in result.data_notes)
 
 
 def test_short_names_of_a_single_fmu_become_full_names(identify: Identify) -> None:
@@ -355,7 +355,7 @@ def test_short_names_of_a_single_fmu_become_full_names(identify: Identify) -> No
 
 
 def test_negative_delay_of_a_sensor_is_estimated(identify: Identify) -> None:
-    """The run goes on after the last sample, which was taken later than its time says."""
+    """The run continues after the last sample, which was taken later than its time says."""
     is_early = TIME <= 1.9
     x = np.interp(TIME[is_early] + 0.05, TIME, motion(**TRUE))
     measured = ec.Input(data={"time": TIME[is_early], "x": x}, signals={"Cart.x": "x"})
@@ -390,19 +390,6 @@ def test_lost_start_values_are_reported(tmp_path: Path) -> None:
     assert any("did not take" in note for note in result.notes), result.notes
 
 
-class Interrupting(Progress):
-    """Ends the search after some evaluations, as Ctrl-C does."""
-
-    def __init__(self) -> None:
-        self.count, self.notes = 0, list[str]()
-
-    def advance(self, count: int) -> None:
-        self.count += count
-
-    def note(self, sentence: str) -> None:
-        self.notes.append(sentence)
-
-
 def test_interrupted_search_can_be_continued(
     identify: Identify, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -421,9 +408,10 @@ def test_interrupted_search_can_be_continued(
     record = json.loads((folder / "identify.json").read_text())
     assert record["status"] == "unfinished" and record["estimates"][0]["value"] == result["Cart.m"].value
     monkeypatch.setattr(prediction.Predictor, "predict", predict)
-    progress = Interrupting()
+    progress, notes = Progress(), list[str]()
+    monkeypatch.setattr(progress, "note", notes.append)
     continued = identify(RANGES, output=folder, progress=progress, **data(x))
-    assert any("continued from the unfinished result" in note for note in progress.notes)
+    assert any("continued from the unfinished result" in note for note in notes)
     assert continued.complete and continued["Cart.m"].value == pytest.approx(1.3, rel=0.02)
     assert json.loads((folder / "identify.json").read_text())["status"] == "completed"
 

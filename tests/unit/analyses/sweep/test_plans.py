@@ -103,7 +103,7 @@ FILES: dict[str, tuple[bytes, str]] = {
     "unknown key": (b'sead = 3\n' + PLAN.encode(), "did you mean 'seed'?"),
     "no scenario": (PLAN.replace("scenario", "description").encode(), "lacks scenario, the name"),
     "key of one run": (b"real_time = 1.0\n" + PLAN.encode(), "has the unknown entry 'real_time'"),
-    "vary is no table": (b'scenario = "lift"\nvary = 3\n', "'vary' of the plan"),
+    "vary is not a table": (b'scenario = "lift"\nvary = 3\n', "'vary' of the plan"),
     "empty": (b"", "."),
     "no text": (b"\xff\xfe\x00", "not a text in UTF-8"),
     "NUL": (PLAN.encode() + b"\0", "."),
