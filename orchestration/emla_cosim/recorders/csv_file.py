@@ -103,8 +103,8 @@ class CsvFile(FileTable):
     def count_stored(self) -> int:
         """Return the number of whole rows in the file. Raises OSError."""
         with self.path.open("rb") as stream:
-            header = _header(stream)
-        return max(_lines(self.path) - header.count(b"\n"), 0)
+            _header(stream)
+            return sum(block.count(b"\n") for block in iter(lambda: stream.read(_BLOCK), b""))
 
     def blocks(self) -> Iterator[Vector]:
         """Yield the rows of the whole table. Raises OSError."""
@@ -196,11 +196,6 @@ def _header(stream: IO[bytes]) -> bytes:
     while header.count(b'"') % 2 and (line := stream.readline()):
         header += line
     return header
-
-
-def _lines(path: Path) -> int:
-    with path.open("rb") as stream:
-        return sum(block.count(b"\n") for block in iter(lambda: stream.read(_BLOCK), b""))
 
 
 def _length_of_lines(stream: IO[bytes]) -> int:

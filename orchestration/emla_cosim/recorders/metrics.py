@@ -173,12 +173,8 @@ def describe_divergence(signals: Mapping[str, Mapping[str, float]]) -> str | Non
     beyond = {name: size for name, size in sizes.items() if size > UNBOUNDED}
     if not beyond:
         return None
-    name, other_signals = next(iter(beyond)), len(beyond) - 1
-    more = (
-        f", and {format_count(other_signals, 'more signal', 'more signals')} grew as far"
-        if other_signals
-        else ""
-    )
+    name, rest = next(iter(beyond)), len(beyond) - 1
+    more = f", and {format_count(rest, 'more signal')} grew as far" if rest else ""
     return f"Diverged: {name} reached {beyond[name]:.2g}{more}."
 
 

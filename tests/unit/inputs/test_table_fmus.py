@@ -13,7 +13,6 @@ from emla_cosim.inputs.table_fmus import build_data_fmu
 from fmu_verify.verdict import Verdict
 from fmublock.platforms import host_platform
 from tests.support.commands import Emla, sentence
-from tests.support.tiers import mostly_slow
 
 MEASURED = """t [ms];Force [kN];Weg (mm);Motor speed / rpm;note
 0;3,0;240;10;a
@@ -45,7 +44,8 @@ def test_outputs_have_values_and_units_of_the_columns(fmi: int, tmp_path: Path) 
     assert result["measured.Motor speed"].tolist() == [10.0, 20.0, 30.0]
 
 
-@pytest.mark.parametrize("fmi", mostly_slow([2, 3], [3]))
+@pytest.mark.slow
+@pytest.mark.parametrize("fmi", [2, 3])
 def test_fmus_of_data_conform(fmi: int, tmp_path: Path) -> None:
     fmu, _ = build(tmp_path, MEASURED, ":interpolation=cubic,x=Weg,v=der(Weg)", fmi)
     report = ec.verify(fmu)

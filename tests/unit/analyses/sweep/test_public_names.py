@@ -9,7 +9,7 @@ import emla_cosim as ec
 import emla_cosim.analyses.execution.executor
 from emla_cosim import sweep
 assert ec.sweep is sweep
-import emla_cosim.analyses.execution.dask_workers, emla_cosim.analyses.tune.plan
+import emla_cosim.analyses.tune.plan
 print(ec.sweep.__module__, ec.tune.__module__)
 """
 

@@ -169,6 +169,7 @@ def test_metrics_of_every_kind(scheduler: Client, fmu_folder: Path) -> None:
             assert has_figures(row, run.metrics)
 
 
+@pytest.mark.slow
 def test_metrics_of_users_are_registered_on_workers_for_one_sweep(
     cluster: Client, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
