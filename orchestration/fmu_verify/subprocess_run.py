@@ -26,13 +26,12 @@ from .verdict import (
     blocked,
     describe_exception,
     failed,
-    own_rule,
+    quote,
 )
 
 _FIRST = "its first call"
 """The note before the first call."""
 
-_LIMITS = own_rule("limits", "A check stays within its limits of time and memory.")
 
 ERROR_OF_CHECK = "The check itself has an error:"
 """How the message begins if a check raises an exception."""
@@ -166,7 +165,7 @@ def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], m
     except MemoryError:
         return failed(
             f"It needs more than {memory / 2**20:.0f} MiB of memory in {crash_page.read_note()}.",
-            clause=_LIMITS,
+            clause=quote("subprocess_run.limits"),
         )
     except Exception as error:  # a bug in a check must not lose the rest of the report
         if find_left_exception(error) is not None:

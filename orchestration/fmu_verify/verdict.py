@@ -1,8 +1,12 @@
 """The outcome of a check."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import cache
+from importlib.resources import files
 from typing import Any
+
+import msgspec
 
 from emla_cosim.base.tubes.signal_check import Comparison
 from emla_cosim.fmu.python_exceptions import describe_left_exception
@@ -39,45 +43,31 @@ class Clause:
         return self.in_3 if version == 3 and self.in_3 is not None else self
 
 
-def fmi3(section: str, sentence: str) -> Clause:
-    """Return a quotation of FMI 3.0.2."""
-    return Clause(section, sentence, document="FMI 3.0.2")
+@cache
+def _read_quotations() -> dict[str, dict[str, tuple[str, str]]]:
+    content = (files(__package__ or "") / "quotations.json").read_bytes()
+    return msgspec.json.decode(content, type=dict[str, dict[str, tuple[str, str]]])
 
 
-def in_both(section: str, section_3: str, sentence: str) -> Clause:
-    """Return a quotation of FMI 2.0.4 that FMI 3.0.2 has in another section, with its own prefix."""
-    return Clause(section, sentence, in_3=fmi3(section_3, sentence.replace("fmi2", "fmi3")))
+def quote(name: str) -> Clause:
+    """Return a quotation by its name in quotations.json, or a rule of this program (`emla verify`).
 
-
-_OWN_DOCUMENT = "emla verify"
-
-
-def own_rule(check: str, sentence: str, in_3: Clause | None = None) -> Clause:
-    """Return a rule of this program, for which the standard, or only FMI 2.0, has no sentence."""
-    return Clause(check, sentence, document=_OWN_DOCUMENT, in_3=in_3)
+    The file has the section and the sentence by document. A second document is that for FMI 3.0.
+    """
+    clauses = [Clause(*place, document=document) for document, place in _read_quotations()[name].items()]
+    return replace(clauses[0], in_3=clauses[1]) if len(clauses) > 1 else clauses[0]
 
 
 def is_own_rule(clause: Clause) -> bool:
     """Return whether a clause is a rule of this program."""
-    return clause.document == _OWN_DOCUMENT
+    return clause.document == "emla verify"
 
 
-RETURNS = Clause(
-    "2.1.3",
-    "This section defines the “status” flag [...] that is returned by all functions to indicate the success "
-    "of the function call:",
-    in_3=fmi3(
-        "2.2.4",
-        "This section defines the return values the C-API functions indicating success or failure of the "
-        "function call.",
-    ),
-)
+RETURNS = quote("verdict.returns")
 """A function that crashes, ends the process or never returns violates this clause."""
 
 
-LEAVES_EXCEPTION = own_rule(
-    "exceptions of Python", "A function leaves no exception of Python set in the interpreter of its host."
-)
+LEAVES_EXCEPTION = quote("verdict.leaves_exception")
 """The rule for FMUs that use Python; hosts in Python end with such an exception, and others ignore it."""
 
 

@@ -3,7 +3,6 @@
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 from emla_cosim.base.untrusted_xml import parse_xml
@@ -13,96 +12,33 @@ from ..declarations import DeclaredVariable
 from ..layered_manifest import STRUCT
 from ..messages import Breach, Problem
 from ..subject import Subject
-from ..verdict import Clause
-
-_bus = partial(Clause, document="FMI-LS-BUS 1.3.0-beta.1")
-_struct = partial(Clause, document="FMI-LS-STRUCT 1.0.0-rc.1")
+from ..verdict import quote
 
 _NETWORK, _FRAME, _PDU = (f"org.fmi-ls-bus.{kind}-terminal" for kind in ("network", "frame", "pdu"))
 _CONFIGURATION = f"{_NETWORK}.configuration"
 _TRANSCEIVER = "org.fmi-ls-bus.transceiver"
-_NETWORKS = _bus(
-    "5.4.1",
-    "Each network connected to the FMU must be described in terminalsAndIcons/terminalsAndIcons.xml as a "
-    "<Terminal> element of <fmiTerminalsAndIcons><Terminals>.",
-)
-_MEMBERS = _bus(
-    "5.4.1",
-    "A Bus Terminal shall contain four <TerminalMemberVariable> elements with the following memberName "
-    "attributes: Tx_Data, Tx_Clock, Rx_Data and Rx_Clock.",
-)
-_USED_ONCE = _bus("5.4.1", "The use of the same variable within different Bus Terminals is not allowed.")
-_RX = _bus("5.3", "The Rx_Data variable is clocked by the Rx_Clock Clock, both with causality set to input.")
-_TX = _bus("5.3", "The causality of the Tx_Data variable shall be output.")
-_DATA = _bus(
-    "5.3.3",
-    "The Tx_Data/Rx_Data variables are of type fmi3Binary and may contain zero, one or multiple Bus "
-    "Operations, as sent or received by the FMU.",
-)
-_MIME = _bus(
-    "5.3.3",
-    "The following table lists the MIME types to use for the Tx/Rx data variables within a Bus Terminal:",
-)
+_USED_ONCE = quote("bus.used_once")
+_RX = quote("bus.rx")
+_TX = quote("bus.tx")
+_MIME = quote("bus.mime")
 _BUS_TYPE = re.compile(r"application/org\.fmi-standard\.fmi-ls-bus\.(\w+) *(;.*)?")
-_CLOCKED = {"Rx": _RX, "Tx": _bus("5.3", "The Tx_Data variable is clocked by the Tx_Clock Clock.")}
-_RULE = _bus("4.5.1", "matchingRule must be bus.")
+_CLOCKED = {"Rx": _RX, "Tx": quote("bus.tx_clock")}
 
 _MAP = f"{STRUCT}.map."
 _GRID, _IRREGULAR = f"{_MAP}rectilinearGrid", f"{_MAP}irregular"
-_KINDS = _struct(
-    "3.1.2",
-    "Additional terminal member variables can be added to the terminal as related variables but if they do "
-    "not fit into one of the above categories, they shall not have a variableKind starting with "
-    "org.fmi-standard.fmi-ls-struct.",
-)
-_MAPS = _struct(
-    "2",
-    "The manifest file signals to the importer that the FMU supports this layered standard and enables the "
-    "interpretation of the TerminalsAndIcons.xml file in the intended way.",
-)
-_ORDER = _struct(
-    "3.1.2",
-    "If present, this variable must be listed directly after the corresponding domain variable.",
-)
-_SAME_TYPE = _struct(
-    "3.1.2",
-    "The data type of a domainInput variable shall be identical to the data type of the corresponding domain "
-    "variable.",
-)
-_SHAPE = _struct(
-    "4.1",
-    "The length of the i-th domain vector must be equal to length of the i-th codomain dimension.",
-)
-_POINTS = _struct(
-    "5.1",
-    "For each of the m dimensions of the codomain of the lookup table, a 1-dimensional array variable "
-    "containing the sampling values of the lookup table must be referenced",
-)
-_DOMAIN = _struct(
-    "3.1.2",
-    "For each of the n dimensions of the domain set, a 1-dimensional array variable containing the "
-    "coordinates (along this dimension) is provided.",
-)
-_VALUES = _struct(
-    "3.1.2",
-    "For each of the represented points in the domain set, the values to which they are mapped are provided.",
-)
-_MATCHING = _struct(
-    "3.1.3",
-    "The matching rule org.fmi-standard.fmi-ls-struct.map should be used for terminals that represent maps.",
-)
+_KINDS = quote("struct.kinds")
+_ORDER = quote("struct.order")
+_SHAPE = quote("struct.shape")
+_POINTS = quote("struct.points")
+_DOMAIN = quote("struct.domain")
 _CAUSALITIES = {
     "domainInput": (
         ("input", "output", "local"),
-        _struct("3.1.2", "The causality of such a variable can be input, output or local"),
+        quote("struct.domain_input"),
     ),
     "codomainOutput": (
         ("output", "local"),
-        _struct(
-            "3.1.2",
-            "The causality of such a variable can be output or local, since it represents a value computed "
-            "from the map and cannot be driven from outside the FMU.",
-        ),
+        quote("struct.codomain_output"),
     ),
 }
 _PAIRS = {"domainInput": "domain", "codomainOutput": "codomain"}
@@ -129,7 +65,7 @@ def judge_buses(subject: Subject) -> Iterator[Problem]:
     terminals = _list_terminals(subject)
     networks = [t for t in terminals if t.get("terminalKind") == _NETWORK]
     if not networks:
-        yield Breach(f"The FMU has no terminal of the kind {_NETWORK}.", _NETWORKS)
+        yield Breach(f"The FMU has no terminal of the kind {_NETWORK}.", quote("bus.networks"))
     terminals_by_variable: dict[str, list[str]] = defaultdict(list)
     for network in networks:
         if network.get("matchingRule") != _TRANSCEIVER:
@@ -146,7 +82,7 @@ def judge_buses(subject: Subject) -> Iterator[Problem]:
         allowed = ("bus", _TRANSCEIVER) if kind == _NETWORK else ("bus",)
         if kind in (_NETWORK, _FRAME, _PDU, _CONFIGURATION) and rule not in allowed:
             message = f"The terminal {terminal.get('name')} has the matchingRule {rule}, not"
-            yield Breach(f"{message} {' or '.join(allowed)}.", _RULE)
+            yield Breach(f"{message} {' or '.join(allowed)}.", quote("bus.rule"))
 
 
 def _judge_transceiver(
@@ -154,12 +90,12 @@ def _judge_transceiver(
 ) -> Iterator[Problem]:
     for member in ("Tx_Data", "Tx_Clock", "Rx_Data", "Rx_Clock"):
         if member not in variable_names:
-            yield Breach(f"The bus terminal {name} has no member {member}.", _MEMBERS)
+            yield Breach(f"The bus terminal {name} has no member {member}.", quote("bus.members"))
         elif (variable := variables.get(variable_names[member])) is not None:
             expected = "Binary" if member.endswith("Data") else "Clock"
             if variable.type != expected:
                 message = f"{member} of the bus terminal {name} is of type {variable.type}, not {expected}."
-                yield Breach(message, _DATA if expected == "Binary" else _RX)
+                yield Breach(message, quote("bus.data") if expected == "Binary" else _RX)
             causality = {"Tx_Data": "output", "Tx_Clock": variable.causality}.get(member, "input")
             if variable.causality != causality:
                 message = f"{member} of the bus terminal {name} has the causality {variable.causality}"
@@ -208,7 +144,7 @@ def judge_maps(subject: Subject) -> Iterator[Problem]:
                 members.append((member_kind.removeprefix(_MAP), variable))
         yield from _judge_map(name, members, kind == _GRID, subject)
     if not has_map:
-        yield Breach(f"The FMU has no terminal of a kind of {STRUCT}.", _MAPS)
+        yield Breach(f"The FMU has no terminal of a kind of {STRUCT}.", quote("struct.maps"))
 
 
 def doubt_maps(subject: Subject) -> Iterator[Problem]:
@@ -217,12 +153,12 @@ def doubt_maps(subject: Subject) -> Iterator[Problem]:
     for terminal in _list_terminals(subject):
         if terminal.get("terminalKind") in (_GRID, _IRREGULAR) and terminal.get("matchingRule") != rule:
             message = f"The map {terminal.get('name')} has the matchingRule {terminal.get('matchingRule')}"
-            yield Breach(f"{message}, not {rule}.", _MATCHING)
+            yield Breach(f"{message}, not {rule}.", quote("struct.matching"))
 
 
 def _judge_map(name: str, members: Sequence[Member], is_grid: bool, subject: Subject) -> Iterator[Problem]:
     """Yield what is wrong with the order, types and sizes of the members of a map."""
-    for required, clause in (("domain", _DOMAIN), ("codomain", _VALUES)):
+    for required, clause in (("domain", _DOMAIN), ("codomain", quote("struct.values"))):
         if all(kind != required for kind, _ in members):
             yield Breach(f"The map {name} has no member of the variableKind {_MAP}{required}.", clause)
     previous: Member | None = None
@@ -235,7 +171,7 @@ def _judge_map(name: str, members: Sequence[Member], is_grid: bool, subject: Sub
             yield Breach(f"{variable} in the map {name} does not follow a {_PAIRS[kind]}.", _ORDER)
         elif kind in _PAIRS and previous is not None and previous[1].type != variable.type:
             message = f"{variable} in the map {name} is of type {variable.type}, but {previous[1]} is of type"
-            yield Breach(f"{message} {previous[1].type}.", _SAME_TYPE)
+            yield Breach(f"{message} {previous[1].type}.", quote("struct.same_type"))
         previous = kind, variable
     shapes = {v.index: list(subject.declared.sizes(v)) for _, v in members}
     domains = [v for kind, v in members if kind == "domain"]

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -12,38 +11,13 @@ from ..layered_manifest import XCP_ROLES, LayeredManifest
 from ..libraries import list_platforms
 from ..messages import Breach, Problem
 from ..subject import Subject
-from ..verdict import Clause
+from ..verdict import quote
 
-_xcp = partial(Clause, document="FMI-LS-XCP 1.0.0")
-
-_DEFINITION = _xcp(
-    "2",
-    "It may not contain any dot segments, that is, complete path segments consisting only of . or ...",
-)
-_VALID = _xcp(
-    "2",
-    "The FMU must provide a valid definition attribute and must set at least one of the attributes "
-    "containsXCPService or supportsDirectMemoryAccess to true to comply with this layered standard.",
-)
-_NAME = _xcp("2", "Name of a variable defined in the modelDescription.xml of the FMU.")
-_VARIABLE_ONCE = _xcp("2", "No variable shall occur in more than one Variable entry.")
-_ROLE_ONCE = _xcp(
-    "2",
-    "No role shall occur in more than one Variable entry of one Interface, but can occur again in Variable "
-    "entries of a different Interface.",
-)
-_TYPES = _xcp("2", "The value is provided as a list of interface type names to which this interface applies.")
-_SINGLE_FILE = _xcp(
-    "3.3",
-    "This layered standard forbids the use of the including mechanism of additional A2L files to simplify "
-    "complete extraction and copying of the A2L file to a location where it is accessible by the MCD tool.",
-)
+_DEFINITION = quote("xcp.definition")
+_VALID = quote("xcp.valid")
+_SINGLE_FILE = quote("xcp.single_file")
 _INCLUDE = re.compile(rb"^[ \t]*/include\b", re.MULTILINE | re.IGNORECASE)
-_ALLOWED = _xcp(
-    "4.1",
-    "All variables that are defined must be defined as scalars with one of the following "
-    "causality/variability combinations:",
-)
+_ALLOWED = quote("xcp.allowed")
 _COMBINATIONS = {
     ("structuralParameter", "fixed"),
     ("parameter", "fixed"),
@@ -60,7 +34,7 @@ def judge_xcp(manifest: LayeredManifest, subject: Subject) -> Iterator[Problem]:
         yield from _judge_interface(interface, manifest.path.parent, subject)
     names = [e.get("name") for e in manifest.root.iter("{*}Variable")]
     for name in find_repeated(names):
-        yield Breach(f"{manifest.label} has more than one Variable {name}.", _VARIABLE_ONCE)
+        yield Breach(f"{manifest.label} has more than one Variable {name}.", quote("xcp.variable_once"))
     by_name = {name: v for v in subject.declared.variables for name in (v.name, *v.aliases)}
     for element in manifest.root.iter("{*}Variable"):
         yield from _judge_variable(element, by_name.get(element.get("name")))
@@ -87,16 +61,16 @@ def _judge_interface(interface: Any, folder: Path, subject: Subject) -> Iterator
         yield Breach(f"{who} sets neither {flags[0]} nor {flags[1]}.", _VALID)
     for kind in interface.get("types", "").split():
         if kind not in subject.kinds:
-            yield Breach(f"{who} is for {kind}, which the FMU is not.", _TYPES)
+            yield Breach(f"{who} is for {kind}, which the FMU is not.", quote("xcp.types"))
     for role in find_repeated(e.get("role") for e in interface.iterfind("{*}Variable")):
-        yield Breach(f"{who} has more than one Variable with the role {role}.", _ROLE_ONCE)
+        yield Breach(f"{who} has more than one Variable with the role {role}.", quote("xcp.role_once"))
 
 
 def _judge_variable(element: Any, variable: DeclaredVariable | None) -> Iterator[Problem]:
     role = element.get("role")
     if variable is None:
         message = f"The role {role} is of {element.get('name')}, which is not a variable of the FMU."
-        yield Breach(message, _NAME)
+        yield Breach(message, quote("xcp.name"))
         return
     if variable.type not in XCP_ROLES[role]:
         types = " or ".join(XCP_ROLES[role])

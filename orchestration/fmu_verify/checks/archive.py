@@ -12,7 +12,7 @@ from ..check import check
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, fmi3, passed, warned
+from ..verdict import CheckOutcome, failed, passed, quote, warned
 
 _MAX_UNCHECKED_SIZE = 256 * 2**20
 """Size in bytes up to which the compression ratio is not checked."""
@@ -38,18 +38,9 @@ _STANDARD_FILES = (
 _LICENCE_KINDS = ("txt", "html", "spdx")
 """Suffixes of the entry point of licences."""
 _PICTURES = {
-    "documentation/diagram": fmi3(
-        "2.5.1", "diagram.svg                      // if provided, diagram.png is also required (optional)"
-    ),
-    "terminalsAndIcons/icon": fmi3(
-        "2.5.1", "icon.svg                         // if existing the icon.png is required (optional)"
-    ),
+    "documentation/diagram": quote("archive.diagram"),
+    "terminalsAndIcons/icon": quote("archive.icon"),
 }
-_LICENCE = fmi3(
-    "2.5.1.1.1",
-    "If it is present, it must contain either a license.spdx, license.txt or license.html file as entry "
-    "point.",
-)
 _PAGES = (".pdf", ".md", ".htm", ".html", ".txt")
 """How the names of start pages end."""
 _STORED_OR_DEFLATED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
@@ -61,14 +52,7 @@ _LFS = b"version https://git-lfs.github.com/spec/"
 @check(
     "archive.safe",
     "The archive can be unpacked safely",
-    Clause(
-        "2.3",
-        "All relevant files are stored in a ZIP file with a pre-defined structure.",
-        in_3=fmi3(
-            "2.5",
-            "An FMU consists of several files, that are stored in a ZIP file with a pre-defined structure.",
-        ),
-    ),
+    quote("archive.safe"),
     "Zip the FMU again with a tool that writes each entry once, with a relative name and forward slashes.",
 )
 def safe(subject: Subject) -> CheckOutcome:
@@ -133,16 +117,7 @@ def _find_colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
 @check(
     "archive.format",
     "Every zip tool can read the archive",
-    Clause(
-        "2.3",
-        "The compression method for all files stored in the ZIP archive must be either 8 (deflate), "
-        "or 0 (store).",
-        in_3=fmi3(
-            "2.5",
-            "The compression method for all files stored in the ZIP archive must be either 8 (deflate) or 0 "
-            "(store).",
-        ),
-    ),
+    quote("archive.format"),
     "Zip the FMU's folder with the method `deflate`.",
     needs=("archive.safe",),
 )
@@ -171,11 +146,7 @@ def format_(subject: Subject) -> CheckOutcome:
 @check(
     "archive.layout",
     "Files are in the folders of the standard",
-    Clause(
-        "2.3",
-        "This ZIP file has the following structure:",
-        in_3=fmi3("2.5.1", "Structure of the ZIP file of an FMU"),
-    ),
+    quote("archive.layout"),
     "Zip the content of the FMU's folder, not the folder. Put other data into `resources` or `extra`.",
     needs=("description.readable",),
 )
@@ -221,7 +192,7 @@ def _find_missing_companions(folder: Path) -> Iterator[Problem]:
     licences = folder / "documentation/licenses"
     if licences.is_dir() and not any((licences / f"license.{kind}").is_file() for kind in _LICENCE_KINDS):
         names = " or ".join(f"license.{kind}" for kind in _LICENCE_KINDS)
-        yield Breach(f"documentation/licenses has no {names}.", _LICENCE)
+        yield Breach(f"documentation/licenses has no {names}.", quote("archive.licence"))
 
 
 def _describe_error(error: Exception) -> str:
@@ -232,11 +203,7 @@ def _describe_error(error: Exception) -> str:
 @check(
     "documents.present",
     "The documentation has a start page",
-    Clause(
-        "2.3",
-        "index.html // Entry point of the documentation",
-        in_3=fmi3("2.5.1", "index.html                       // entry point of the documentation"),
-    ),
+    quote("documents.present"),
     "Write documentation/index.html, which may only link to the other files.",
     needs=("description.readable",),
 )

@@ -17,8 +17,7 @@ from ..host.instance_runs import take_in_time, walk
 from ..host.other_values import Values, choose_other, list_other_values, list_settable, read_start
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
-from ._clauses import INDICES
+from ..verdict import CheckOutcome, failed, noted, passed, quote, skipped, warned
 
 _TIME_FRACTION = 0.5
 """Part of the time limit in which runs are repeated with other inputs."""
@@ -41,14 +40,7 @@ _MARGIN = 0.05
 @check(
     "steps.integrate",
     "Steps integrate the declared derivatives",
-    Clause(
-        "4.2.2",
-        "The slave must integrate until time instant",
-        in_3=fmi3(
-            "4.2.1",
-            "The importer requests the computation of the next time step with the following function:",
-        ),
-    ),
+    quote("steps.integrate"),
     "Let fmi2DoStep integrate the equations that fmi2GetReal evaluates, with the inputs that were set.",
     needs=("run.finite",),
     time_factor=2.0,
@@ -134,7 +126,7 @@ def _compute_wrong_fraction(x: Vector, slopes: Vector, points: Vector) -> float:
 @check(
     "exchange.inputs",
     "Inputs have an effect",
-    INDICES,
+    quote("shared.indices"),
     "Use the input in the equations, or remove it from the dependencies of outputs and derivatives.",
     needs=("run.deterministic",),
     time_factor=2.0,
@@ -307,11 +299,7 @@ def _list_dependencies(subject: Subject) -> set[str]:
 @check(
     "exchange.interpolation",
     "Derivatives of inputs have an effect",
-    Clause(
-        "4.3.1",
-        "The slave is able to interpolate continuous inputs. Calling of fmi2SetRealInputDerivatives(..) has "
-        "an effect for the slave.",
-    ),
+    quote("exchange.interpolation"),
     "Use the derivatives within the step, or set canInterpolateInputs to false.",
     needs=("run.deterministic",),
     only_for=2,

@@ -28,29 +28,16 @@ from ..libraries import (
 from ..messages import Breach, Problem, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, blocked, failed, fmi3, in_both, passed, skipped
+from ..verdict import CheckOutcome, blocked, failed, passed, quote, skipped
 
 _THIS_PLATFORM = (fmpy.platform_tuple, fmpy.platform)
-_NAME = Clause(
-    "2.3",
-    "<modelIdentifier>.so    // Shared library of the FMI implementation",
-    in_3=fmi3("2.5.1", "<modelIdentifier>.so          // shared library of the FMI implementation"),
-)
+_NAME = quote("binaries.name")
 
 
 @check(
     "binaries.present",
     "Binaries or sources exist",
-    Clause(
-        "2.3",
-        "The FMU must be distributed with at least one implementation, in other words either sources or one "
-        "of the binaries for a particular machine.",
-        in_3=fmi3(
-            "2.5",
-            "The FMU must be distributed with at least one implementation, in other words, either sources or "
-            "one of the binaries for a particular machine.",
-        ),
-    ),
+    quote("binaries.present"),
     "Put `<modelIdentifier>.so`, `.dll` or `.dylib` into `binaries/<platform>`.",
     needs=("description.schema",),
 )
@@ -121,16 +108,7 @@ def _has_similar_name(path: Path, names: set[str]) -> bool:
 @check(
     "binaries.symbols",
     "Libraries export all functions",
-    Clause(
-        "2.3",
-        "Specifically it is required that all functions specified for Model Exchange and/or Co-Simulation "
-        "are present, even if they are only needed for capabilities that the FMU does not support.",
-        in_3=fmi3(
-            "2.5",
-            "The FMU must implement all API functions declared in fmi3Functions.h, even if they are only "
-            "needed for interface types or optional capabilities that the FMU does not support.",
-        ),
-    ),
+    quote("binaries.symbols"),
     "Export them without a prefix. Functions of unsupported capabilities may return fmi2Error.",
     needs=("binaries.present",),
 )
@@ -170,12 +148,7 @@ def _find_missing_functions(library: Library, version: int) -> Iterator[str]:
 @check(
     "binaries.loads",
     "The library can be loaded here",
-    in_both(
-        "2.3",
-        "2.5.1.4.1",
-        "FMUs should contain all resources that are required to load and execute a shared library, link "
-        "against a static library, or compile from source.",
-    ),
+    quote("binaries.loads"),
     "`ldd` lists what a library needs. Link it statically, or ship it and set the RPATH to $ORIGIN.",
     needs=("binaries.platform", "binaries.symbols"),
 )

@@ -14,7 +14,16 @@ from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import EndlessIterationError, HostedInstance
 from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import RETURNS, CheckOutcome, Clause, failed, fmi3, noted, own_rule, passed, skipped, warned
+from ..verdict import (
+    RETURNS,
+    CheckOutcome,
+    failed,
+    noted,
+    passed,
+    quote,
+    skipped,
+    warned,
+)
 from .iteration import explain_endless
 
 _GUARD = 64
@@ -35,16 +44,7 @@ _TYPES_3 = {
 @check(
     "calls.buffers",
     "Functions write only the values that they return",
-    Clause(
-        "2.1.7",
-        "Argument value is a vector with the actual values of these variables.",
-        in_3=fmi3(
-            "2.2.7.2",
-            "nValues provides the number of values in the values vector (and valueSizes vector, where "
-            "applicable) which is only equal to nValueReferences if all valueReferences point to scalar "
-            "variables.",
-        ),
-    ),
+    quote("calls.buffers"),
     "Write values of the size of their type, and as many as there are in modelDescription.xml.",
     needs=("run.completes",),
 )
@@ -95,10 +95,7 @@ def buffers(subject: Subject) -> CheckOutcome:
 @check(
     "calls.empty",
     "Calls for no variables are harmless",
-    own_rule(
-        "calls.empty",
-        "A call for no variables does nothing, also if its arrays are NULL. The standard does not say it.",
-    ),
+    quote("calls.empty"),
     "Return before you read the arrays if the number of value references is 0.",
     needs=("run.completes",),
 )

@@ -10,43 +10,20 @@ from ..declarations import find_repeated
 from ..libraries import list_platforms
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, fmi3, skipped, warned
+from ..verdict import CheckOutcome, failed, quote, skipped, warned
 from .description import find_schema_problems
 
-_VALID = fmi3(
-    "2.4",
-    "Build information for source code FMUs is provided together with a buildDescription.xml file in the "
-    "sources directory that adheres to the fmi3BuildDescription.xsd schema file.",
-)
-_VERSION = fmi3(
-    "2.4.10",
-    "Starting with FMI 3.0, this fmiVersion attribute must match the fmiVersion attribute of element "
-    "fmiModelDescription of the modelDescription.xml file.",
-)
-_IDENTIFIER = fmi3(
-    "2.4.10",
-    "The attribute modelIdentifier of the <ModelExchange>, <CoSimulation> or <ScheduledExecution> elements "
-    "this build configuration is associated with.",
-)
-_FALLBACK = fmi3(
-    "2.4.10", "Thus there must not be more than one BuildConfiguration without a platform attribute."
-)
-_FILE = fmi3("2.4.10.2", "Path of the source file relative to the sources directory.")
-_INCLUDES = fmi3("2.4.10.5", "Path of the include directory relative to the sources directory")
-_PLATFORM = fmi3(
-    "2.4.10", "Platform tuple of the platform the <BuildConfiguration> is intended for (e.g. x86_64-linux)."
-)
-_LIBRARY = fmi3(
-    "2.4.10.6",
-    "Boolean attribute that determines whether the library is contained in the binaries/<platform_tuple> "
-    "directory (false) or if it has to be provided by the environment (true).",
-)
+_VERSION = quote("builds.version")
+_IDENTIFIER = quote("builds.identifier")
+_FALLBACK = quote("builds.fallback")
+_PLATFORM = quote("builds.platform")
+_LIBRARY = quote("builds.library")
 
 
 @check(
     "sources.description",
     "The build description is valid",
-    _VALID,
+    quote("builds.valid"),
     "Name the model identifier and all files to compile, by their paths from the folder `sources`.",
     needs=("description.schema",),
     only_for=3,
@@ -92,10 +69,10 @@ def _find_missing_files(root: Any, subject: Subject) -> Iterator[Problem]:
     folder = subject.folder / "sources"
     for name in dict.fromkeys(e.get("name") for e in root.iterfind(".//SourceFile")):
         if find_inside(folder, name) is None:
-            yield Breach(f"The source file {name} is not in `sources`.", _FILE)
+            yield Breach(f"The source file {name} is not in `sources`.", quote("builds.file"))
     for name in dict.fromkeys(e.get("name") for e in root.iterfind(".//IncludeDirectory")):
         if not (folder / name).is_dir():
-            yield Breach(f"The include directory {name} is not in `sources`.", _INCLUDES)
+            yield Breach(f"The include directory {name} is not in `sources`.", quote("builds.includes"))
     for configuration in root.iterfind("BuildConfiguration"):
         platform = configuration.get("platform")
         if platform in NAMES_OF_VERSION_2:

@@ -7,57 +7,17 @@ from ..check import check
 from ..declarations import Declarations, DeclaredVariable, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, fmi3, skipped
+from ..verdict import CheckOutcome, quote, skipped
 
 _PERIODIC = ("constant", "fixed", "tunable")
 
-_CAUSALITY = fmi3(
-    "2.4.7.4", "The causality of variables of type Clock must be either input, output or local."
-)
-_VARIABILITY = fmi3("2.4.7.4", "The variability of Clocks must be discrete.")
-_TRIGGERED = fmi3("2.2.8.2", "The attribute intervalVariability must be triggered for output Clocks.")
-_INTERVAL = fmi3("2.4.4", "This value must be greater than 0.0.")
-_REQUIRED = fmi3(
-    "2.4.4", "This attribute is required if Clock type is constant, fixed or tunable periodic Clocks."
-)
-_NOT_USED = fmi3("2.4.4", "It must not be used otherwise.")
-_SHIFT = fmi3("2.4.4", "This attribute requires that intervalDecimal is present.")
-_SHIFT_VALUE = fmi3("2.4.4", "The value of this attribute value must be equal to or greater than 0.0.")
-_FRACTION = fmi3(
-    "2.4.4",
-    "This attribute may be present if supportsFraction = true and Clock type is constant, fixed or tunable "
-    "periodic Clocks.",
-)
-_RESOLUTION = fmi3(
-    "2.4.4",
-    "This attribute is required for time-based periodic clocks if supportsFraction = true and "
-    "intervalCounter is present.",
-)
-_EQUAL = fmi3(
-    "2.4.4",
-    "This attribute defines (together with resolution) the interval between consecutive clock ticks:",
-)
-_CLOCKS = fmi3(
-    "2.4.7.4",
-    "The value of the attribute clocks is a non-empty list of value references of Clocks this variable "
-    "belongs to.",
-)
-_CLOCKED = fmi3(
-    "2.4.7.4", "Only variables with variability = discrete or variability = tunable can have this attribute."
-)
-_PREVIOUS = fmi3(
-    "2.4.7.4",
-    "Only clocked variables (i.e. variables with the attribute clocks) may have the previous attribute.",
-)
-_DISCRETE = fmi3("2.4.7.4", "Only variables with variability = discrete may have the previous attribute.")
-_NO_CLOCK = fmi3("2.4.7.4", "Variables of type Clock must not have the previous attribute.")
-_SINGLE_PREVIOUS = fmi3("2.4.7.4", "Two variables must not have the same previous attribute reference.")
-_ITSELF = fmi3("2.4.7.4", "A variable must not refer to itself in the previous attribute.")
-_SAME_TYPE = fmi3(
-    "2.4.7.4",
-    "The variable referenced by the previous attribute must have the same numeric type, variability = "
-    "discrete, and must not have causality = input.",
-)
+_TRIGGERED = quote("clocks.triggered")
+_FRACTION = quote("clocks.fraction")
+_CLOCKS = quote("clocks.clocks")
+_CLOCKED = quote("clocks.clocked")
+_DISCRETE = quote("clocks.discrete")
+_SINGLE_PREVIOUS = quote("clocks.single_previous")
+_SAME_TYPE = quote("clocks.same_type")
 
 
 @check(
@@ -92,24 +52,24 @@ def clocks(subject: Subject) -> CheckOutcome:
 def _judge_clock(clock: DeclaredVariable) -> Iterator[Problem]:
     attributes, kind = clock.attributes, clock.attributes.get("intervalVariability", "")
     if clock.causality not in ("input", "output", "local"):
-        yield Breach(f"The Clock {clock} has the causality {clock.causality}.", _CAUSALITY)
+        yield Breach(f"The Clock {clock} has the causality {clock.causality}.", quote("clocks.causality"))
     if clock.variability != "discrete":
-        yield Breach(f"The Clock {clock} is {clock.variability}.", _VARIABILITY)
+        yield Breach(f"The Clock {clock} is {clock.variability}.", quote("clocks.variability"))
     if clock.causality == "output" and kind != "triggered":
         yield Breach(f"The output Clock {clock} has the intervalVariability {kind}.", _TRIGGERED)
     interval, shift = attributes.get("intervalDecimal"), attributes.get("shiftDecimal")
     if interval is None and kind == "constant":
         # 2.2.8.2 says what fixed and tunable Clocks without it mean
-        yield Breach(f"The Clock {clock} is constant, but has no intervalDecimal.", _REQUIRED)
+        yield Breach(f"The Clock {clock} is constant, but has no intervalDecimal.", quote("clocks.required"))
     if interval is not None and kind not in _PERIODIC:
-        yield Breach(f"The Clock {clock} is {kind}, but has an intervalDecimal.", _NOT_USED)
+        yield Breach(f"The Clock {clock} is {kind}, but has an intervalDecimal.", quote("clocks.not_used"))
     if interval is not None and not 0.0 < float(interval) < math.inf:
-        yield Breach(f"The Clock {clock} has the intervalDecimal {interval}.", _INTERVAL)
+        yield Breach(f"The Clock {clock} has the intervalDecimal {interval}.", quote("clocks.interval"))
     yield from _judge_fractions(clock, kind)
     if shift is not None and interval is None:
-        yield Breach(f"The Clock {clock} has a shiftDecimal, but no intervalDecimal.", _SHIFT)
+        yield Breach(f"The Clock {clock} has a shiftDecimal, but no intervalDecimal.", quote("clocks.shift"))
     if shift is not None and not float(shift) >= 0.0:
-        yield Breach(f"The Clock {clock} has the shiftDecimal {shift}.", _SHIFT_VALUE)
+        yield Breach(f"The Clock {clock} has the shiftDecimal {shift}.", quote("clocks.shift_value"))
 
 
 def _judge_fractions(clock: DeclaredVariable, kind: str) -> Iterator[Problem]:
@@ -126,12 +86,12 @@ def _judge_fractions(clock: DeclaredVariable, kind: str) -> Iterator[Problem]:
         if attributes.get("supportsFraction") not in ("true", "1") or kind not in _PERIODIC:
             yield Breach(f"The Clock {clock} has {attribute}, but is {kind}, or no fraction.", _FRACTION)
         elif resolution is None:
-            yield Breach(f"The Clock {clock} has {attribute}, but no resolution.", _RESOLUTION)
+            yield Breach(f"The Clock {clock} has {attribute}, but no resolution.", quote("clocks.resolution"))
         elif decimal is not None and int(resolution) > 0:
             fraction = int(counter) / int(resolution)
             if not math.isclose(fraction, float(decimal), rel_tol=1e-6, abs_tol=1e-12):
                 message = f"The Clock {clock} has {attribute} / resolution = {counter}/{resolution} s"
-                yield Breach(f"{message}, but {decimal_attribute} = {decimal} s.", _EQUAL)
+                yield Breach(f"{message}, but {decimal_attribute} = {decimal} s.", quote("clocks.equal"))
 
 
 def _judge_clocks_of_variable(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
@@ -152,9 +112,9 @@ def _judge_previous(variable: DeclaredVariable, declared: Declarations) -> Itera
     if variable.previous is None:
         return
     if variable.type == "Clock":
-        yield Breach(f"The Clock {variable} has a previous value.", _NO_CLOCK)
+        yield Breach(f"The Clock {variable} has a previous value.", quote("clocks.no_clock"))
     elif variable.clocks is None:
-        yield Breach(f"{variable} has a previous value, but no Clock.", _PREVIOUS)
+        yield Breach(f"{variable} has a previous value, but no Clock.", quote("clocks.previous"))
     elif variable.variability != "discrete":
         yield Breach(f"{variable} has a previous value, but is {variable.variability}.", _DISCRETE)
     previous = declared.variable(variable.previous)
@@ -163,7 +123,7 @@ def _judge_previous(variable: DeclaredVariable, declared: Declarations) -> Itera
             f"The previous value of {variable} is {declared.describe_missing(variable.previous)}.", _SAME_TYPE
         )
     elif previous.index == variable.index:
-        yield Breach(f"{variable} is its own previous value.", _ITSELF)
+        yield Breach(f"{variable} is its own previous value.", quote("clocks.itself"))
     elif (
         previous.type != variable.type or previous.variability != "discrete" or previous.causality == "input"
     ):
@@ -172,28 +132,9 @@ def _judge_previous(variable: DeclaredVariable, declared: Declarations) -> Itera
         yield Breach(message, _SAME_TYPE)
 
 
-_CHOICE = fmi3(
-    "2.4.7.2",
-    "These two options are mutually exclusive, i.e., for each Dimension element either a start attribute or "
-    "a valueReference attribute can be supplied, but not both.",
-)
-_SIZE = fmi3(
-    "2.4.7.2",
-    "All initial dimension sizes (defined by start values either directly or indirectly in the "
-    "fmiModelDescription) must be positive integers (i.e. not zero), so that no dimension is initially "
-    "vanished.",
-)
-_SIZE_VARIABLE = fmi3(
-    "2.4.7.2",
-    "The referenced variable must be a variable of type <UInt64>, and must either be a constant (i.e. with "
-    "variability = constant) or a structural parameter (i.e. with causality = structuralParameter).",
-)
-_SCALAR = fmi3("2.4.7.4", "A structural parameter must not have a Dimension element.")
-_STARTS = fmi3(
-    "2.4.7.5",
-    "If only a single value is given for a multi-dimensional array, all values of the multi-dimensional "
-    "array are equal to this value.",
-)
+_CHOICE = quote("clocks.choice")
+_SIZE_VARIABLE = quote("clocks.size_variable")
+_STARTS = quote("clocks.starts")
 
 
 @check(
@@ -216,7 +157,7 @@ def dimensions(subject: Subject) -> CheckOutcome:
 
 def _judge_dimensions(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
     if variable.causality == "structuralParameter":
-        yield Breach(f"The structural parameter {variable} is an array.", _SCALAR)
+        yield Breach(f"The structural parameter {variable} is an array.", quote("clocks.scalar"))
     for dimension in variable.dimensions:
         if (dimension.size is None) == (dimension.index is None):
             problem = "neither" if dimension.size is None else "both"
@@ -233,7 +174,7 @@ def _judge_dimensions(variable: DeclaredVariable, declared: Declarations) -> Ite
                 yield Breach(f"A Dimension of {variable} is {size_variable}, {kind}.", _SIZE_VARIABLE)
     sizes = list(declared.sizes(variable))
     if 0 in sizes:
-        yield Breach(f"A Dimension of {variable} has the size 0.", _SIZE)
+        yield Breach(f"A Dimension of {variable} has the size 0.", quote("clocks.size"))
     elif None not in sizes:
         count = math.prod(size or 0 for size in sizes)
         if variable.starts not in (0, 1, count):

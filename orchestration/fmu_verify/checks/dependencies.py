@@ -26,7 +26,7 @@ from ..host.points import (
 )
 from ..messages import judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, fmi3, passed, skipped
+from ..verdict import CheckOutcome, failed, passed, quote, skipped
 
 _POINTS = 3
 _CHANGE = 1e-2
@@ -42,13 +42,7 @@ Pairs = dict[tuple[str, str], str]
 @check(
     "dependencies.observed",
     "Outputs change only with declared dependencies",
-    Clause(
-        "2.2.8",
-        "If present as empty list, the Unknown depends on none of the Knowns.",
-        in_3=fmi3(
-            "2.4.8", "If dependencies is present as empty list, the unknown depends on none of the knowns."
-        ),
-    ),
+    quote("dependencies.observed"),
     "Add the input to the dependencies of the unknown, or leave the attribute out.",
     needs=("run.finite",),
     time_factor=3.0,
@@ -204,7 +198,6 @@ def _follows(old: Any, changed: Any, restored: Any) -> bool:
     return are_same(old, restored) and not are_same(old, changed)
 
 
-_ELEMENTS = fmi3("2.2.9", "This function returns the dependency information for a single variable.")
 _MOST_UNKNOWNS = 20
 _MOST_KNOWNS = 100
 
@@ -212,7 +205,7 @@ _MOST_KNOWNS = 100
 @check(
     "dependencies.elements",
     "Elements of arrays change only with dependencies of elements",
-    _ELEMENTS,
+    quote("dependencies.elements"),
     "Return all dependencies of all elements, or set providesPerElementDependencies to false.",
     needs=("run.finite",),
     time_factor=2.0,

@@ -16,8 +16,7 @@ from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..terms import say
-from ..verdict import CheckOutcome, Clause, failed, fmi3, in_both, passed, skipped
-from ._clauses import IN_SCHEMA
+from ..verdict import CheckOutcome, failed, passed, quote, skipped
 
 _ROOT = "fmiModelDescription"
 
@@ -25,11 +24,7 @@ _ROOT = "fmiModelDescription"
 @check(
     "description.readable",
     "The model description can be read",
-    Clause(
-        "2.3",
-        "modelDescription.xml // Description of FMU (required file)",
-        in_3=fmi3("2.5.1", "modelDescription.xml                // description of FMU (required file)"),
-    ),
+    quote("description.readable"),
     "Export the FMU again. `modelDescription.xml` must be well-formed XML for FMI 2.0 or 3.0.",
     needs=("archive.safe",),
 )
@@ -71,11 +66,7 @@ def _say_where_it_is(subject: Subject) -> str:
     return f" at its top, but one in the folder {paths[0].parent.name}" if paths else ""
 
 
-_VERSION = Clause(
-    "2.2.1",
-    "Version of “FMI for Model Exchange or Co-Simulation” that was used to generate the XML file. The value "
-    "for this version is “2.0”.",
-)
+_VERSION = quote("description.version")
 
 
 def _judge_version(version: str | None) -> CheckOutcome:
@@ -93,11 +84,7 @@ def _judge_version(version: str | None) -> CheckOutcome:
 @check(
     "description.schema",
     "The model description is valid against the schema",
-    Clause(
-        "2.2",
-        "The normative definition are the above mentioned schema files.",
-        in_3=IN_SCHEMA,
-    ),
+    quote("description.schema"),
     "Line numbers refer to `modelDescription.xml`. The schema files come with the standard.",
     needs=("description.readable",),
 )
@@ -106,16 +93,11 @@ def schema(subject: Subject) -> CheckOutcome:
     problems = find_schema_problems(subject.tree, f"fmi{subject.version}ModelDescription.xsd")
     fine = f"The model description is valid against the XML schema of FMI {subject.version}.0."
     version = subject.tree.get("fmiVersion")
-    doubts = [Breach(f"The fmiVersion is {version}, with a patch number.", _NO_PATCH)]
+    doubts = [Breach(f"The fmiVersion is {version}, with a patch number.", quote("description.no_patch"))]
     return judge_problems(problems, fine, doubts if _PATCH.match(version) else ())
 
 
 _PATCH = re.compile(r"3\.\d+\.\d+$")
-_NO_PATCH = fmi3(
-    "2.6",
-    "For this reason, the version number attribute of all FMI files will only contain major and minor "
-    "version numbers and not the patch version number",
-)
 
 
 def find_schema_problems(root: Any, name: str) -> list[str]:
@@ -134,7 +116,7 @@ def _read_schema(name: str) -> Any:
 @check(
     "description.encoding",
     "The model description is in UTF-8",
-    in_both("2.2", "2.4", "It is required that the encoding scheme is always UTF-8:"),
+    quote("description.encoding"),
     'Write the file in UTF-8, with `<?xml version="1.0" encoding="UTF-8"?>` as its first line.',
     needs=("description.readable",),
 )
@@ -152,11 +134,7 @@ def encoding(subject: Subject) -> CheckOutcome:
 @check(
     "description.capabilities",
     "Capability flags are consistent",
-    Clause(
-        "4.3.1",
-        "If this is the case, then flag canGetAndSetFMUstate must be true as well.",
-        in_3=fmi3("2.4.2", "If true, the flag canGetAndSetFMUState must be true as well."),
-    ),
+    quote("description.capabilities"),
     "Names of flags are case-sensitive. An FMU that can serialize its state must also get and set it.",
     needs=("description.schema",),
 )
@@ -176,20 +154,10 @@ def capabilities(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, "The capability flags are consistent.", doubts)
 
 
-_NO_OTHER_FLAGS = fmi3(
-    "2.4.2",
-    "Exporters must not generate capability flags without an XML namespace, unless specified by this "
-    "standard or any later release of this standard.",
-)
-_EARLY_RETURN = fmi3(
-    "4.4",
-    "canReturnEarlyAfterIntermediateUpdate may only be true, if providesIntermediateUpdate is true.",
-)
-_FIXED_STEP = fmi3(
-    "4.4",
-    "The importer should use an integer multiple of this value as communicationStepSize",
-)
-_EVENT_MODE = fmi3("4.4", "If the FMU has clocks, then hasEventMode must be true.")
+_NO_OTHER_FLAGS = quote("description.no_other_flags")
+_EARLY_RETURN = quote("description.early_return")
+_FIXED_STEP = quote("description.fixed_step")
+_EVENT_MODE = quote("description.event_mode")
 
 
 def _find_undefined_flags(subject: Subject) -> tuple[list[Problem], list[Problem]]:
@@ -242,16 +210,7 @@ def _find_inconsistent_flags(subject: Subject) -> Iterator[Problem]:
 @check(
     "description.categories",
     "Log categories have unique names",
-    Clause(
-        "2.2.4",
-        'The "name" attribute of "Category" must be unique with respect to all other elements of the '
-        "LogCategories list.",
-        in_3=fmi3(
-            "2.4.5",
-            "The name attribute of <Category> must be unique with respect to all other elements of the "
-            "<LogCategories> list.",
-        ),
-    ),
+    quote("description.categories"),
     "Remove or rename one of the categories.",
     needs=("description.schema",),
 )
@@ -266,15 +225,7 @@ def categories(subject: Subject) -> CheckOutcome:
 @check(
     "description.identifier",
     "The model identifier is a C identifier",
-    Clause(
-        "fmi2ModelDescription.xsd",
-        'Short class name according to C-syntax, e.g. "A_B_C".',
-        in_3=fmi3(
-            "2.2.2",
-            "Since modelIdentifier may be used as prefix of a C-function name it must fulfill the "
-            "restrictions on C-function names (only letters, digits and/or underscores are allowed).",
-        ),
-    ),
+    quote("description.identifier"),
     "Use only letters, digits and underscores, and begin with a letter or underscore.",
     needs=("description.schema",),
 )
@@ -293,12 +244,7 @@ def identifier(subject: Subject) -> CheckOutcome:
 @check(
     "description.experiment",
     "The default experiment can be run",
-    in_both(
-        "2.2.5",
-        "2.4.6",
-        "However, it is convenient for a user that startTime, stopTime, tolerance and stepSize have already "
-        "a meaningful default value for the model at hand.",
-    ),
+    quote("description.experiment"),
     "Set the start before the stop, and a positive step and tolerance.",
     needs=("description.schema",),
 )

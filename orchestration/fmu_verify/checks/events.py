@@ -8,20 +8,11 @@ from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import RETURNS_EARLY, HostedInstance
 from ..host.instance_runs import run_instance
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, fmi3, passed, skipped
+from ..verdict import CheckOutcome, failed, passed, quote, skipped
 
 _STEPS = 100
 
-_UNUSED = fmi3(
-    "4.2.1",
-    "eventHandlingNeeded = fmi3True must not be signalled, if the importer indicates to not support "
-    "EventMode by eventModeUsed = fmi3False.",
-)
-_ANNOUNCED = fmi3(
-    "4.4",
-    "If this flag is false, the importer can assume that the FMU computes the fmi3DoStep as instructed up "
-    "until currentCommunicationPoint + communicationStepSize.",
-)
+_UNUSED = quote("events.unused")
 
 
 class _EventRun(NamedTuple):
@@ -36,9 +27,7 @@ class _EventRun(NamedTuple):
 @check(
     "steps.events",
     "Event mode and early return are used as declared",
-    fmi3(
-        "4.2", "The state machine in [...] defines the allowed calling sequences for FMI for Co-Simulation."
-    ),
+    quote("steps.events"),
     "Handle events inside of fmi3DoStep without event mode. Declare hasEventMode and "
     "mightReturnEarlyFromDoStep.",
     needs=("run.finite",),
@@ -56,7 +45,7 @@ def events(subject: Subject) -> CheckOutcome:
     if run.first_early_return is not None and not subject.has_flag(RETURNS_EARLY, "CoSimulation"):
         at = f"t = {run.first_early_return:.9g} s"
         message = f"fmi3DoStep returned early at {at}, but {RETURNS_EARLY} is not set."
-        return failed(message, clause=_ANNOUNCED)
+        return failed(message, clause=quote("events.announced"))
     if not has_mode and run.events:
         message = "fmi3DoStep asked for event mode, but hasEventMode is not set."
         return failed(message, clause=_UNUSED)

@@ -11,7 +11,7 @@ from ..host.hosted_instance import HostedInstance
 from ..host.instance_runs import OutputTrajectory, list_outputs, run_alone, walk
 from ..messages import join_few_names
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, fmi3, noted, passed, skipped, warned
+from ..verdict import CheckOutcome, Verdict, noted, passed, quote, skipped, warned
 from ._sameness import compare_runs, describe_differences
 
 _MOST_CALLS, _FEWEST_STEPS = 50_000, 2
@@ -21,12 +21,7 @@ _MOST_CALLS, _FEWEST_STEPS = 50_000, 2
 @check(
     "exchange.order",
     "The order of values does not matter",
-    Clause(
-        "2.1.7",
-        "Set parameters, inputs, and start values, and re-initialize caching of variables that depend on "
-        "these variables",
-        in_3=fmi3("4.2.1", "fmi3Get{VariableType} does not trigger an evaluation of f_doStep."),
-    ),
+    quote("exchange.order"),
     "Use the values set before the step begins. Calls that get a value must not change the state.",
     needs=("run.deterministic",),
     time_factor=4.0,
@@ -73,15 +68,7 @@ def _run_one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Ou
 @check(
     "steps.split",
     "Two half steps equal one step",
-    Clause(
-        "4.3.1",
-        "The slave can handle variable communication step size.",
-        in_3=fmi3(
-            "4.4",
-            "If canHandleVariableCommunicationStepSize = true, then the communication step size (argument "
-            "communicationStepSize of fmi3DoStep) can vary for each call.",
-        ),
-    ),
+    quote("steps.split"),
     "Integrate with shorter internal steps, or set canHandleVariableCommunicationStepSize to false.",
     needs=("run.deterministic", "run.finite"),
     time_factor=4.0,
@@ -105,7 +92,7 @@ def split(subject: Subject) -> CheckOutcome:
         names = join_few_names(same)
         count = _STEPS_WITHOUT_INPUTS
         message = f"These are the same after {count} half steps as after {count} whole ones: {names}."
-        return warned(message, clause=_SIZE)
+        return warned(message, clause=quote("exchange.size"))
     if different:
         lines = tuple(f"{line} with half steps." for line in different)
         # the standard does not require it, and a state may be sampled once per step on purpose
@@ -117,11 +104,6 @@ def split(subject: Subject) -> CheckOutcome:
 
 
 _STEPS_WITHOUT_INPUTS = 20
-_SIZE = Clause(
-    "4.2.2",
-    "The slave must integrate until time instant tc_{i+1} = tc_i + hc_i.",
-    in_3=fmi3("4.2.1", "communicationStepSize is the communication step size (h_i)."),
-)
 
 
 def _list_without_size(subject: Subject, course: Experiment) -> list[str]:

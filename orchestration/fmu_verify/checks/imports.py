@@ -17,7 +17,7 @@ from ..libraries import (
 )
 from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, fmi3, in_both, noted, skipped
+from ..verdict import CheckOutcome, noted, quote, skipped
 
 _STANDARD_LIBRARY = re.compile(
     r"""
@@ -32,11 +32,6 @@ _STANDARD_LIBRARY = re.compile(
 )
 """Libraries that come with every GNU/Linux, macOS or Windows."""
 
-_ORIGIN = fmi3(
-    "2.5.1.4.1",
-    'RPATH="$ORIGIN" should be set when building ELF binaries to allow dynamic loading of dependencies on '
-    "the target machine.",
-)
 _SYSTEM_FOLDER = re.compile(r"/(usr/(local/)?)?lib(32|64)?(/[^/]*-linux-[^/]*)?/?")
 """Folders with the libraries of a system, which every program finds without a path."""
 
@@ -47,12 +42,7 @@ _UNDEFINED = 0
 @check(
     "binaries.imports",
     "Libraries need only standard system libraries",
-    in_both(
-        "2.3",
-        "2.5.1.4.1",
-        "Shared libraries should be statically linked against their dependencies [e.g. the Visual Studio C "
-        "Runtime on Windows].",
-    ),
+    quote("binaries.imports"),
     "Link it statically, ship it beside the library (with the RPATH $ORIGIN), or name it in "
     "documentation/externalDependencies.txt.",
     needs=("binaries.present",),
@@ -105,7 +95,7 @@ def _find_foreign_paths(library: Library, binary: Any) -> Iterator[Problem]:
         absolute_folders = [f for f in folders if not f.startswith(("$ORIGIN", "${ORIGIN}"))]
         if foreign := [f for f in absolute_folders if not _SYSTEM_FOLDER.fullmatch(f)]:
             message = f"{library} looks for libraries in {join_few_names(foreign)} ({kind})"
-            yield Breach(f"{message}, which is not in the FMU.", _ORIGIN)
+            yield Breach(f"{message}, which is not in the FMU.", quote("imports.origin"))
 
 
 def _find_undefined_functions(library: Library, binary: Any) -> Iterator[str]:

@@ -19,20 +19,7 @@ from ..host.instance_runs import OutputTrajectory, list_outputs, run_alone, run_
 from ..host.log import LOG
 from ..host.process_state import can_read_memory, read_memory
 from ..subject import Subject
-from ..verdict import (
-    CheckOutcome,
-    Clause,
-    Verdict,
-    blocked,
-    failed,
-    fmi3,
-    in_both,
-    noted,
-    passed,
-    skipped,
-    warned,
-)
-from ._clauses import FREED, SEVERAL
+from ..verdict import CheckOutcome, Verdict, blocked, failed, noted, passed, quote, skipped, warned
 from ._sameness import compare_runs
 from .memory import read_allocated
 
@@ -40,11 +27,7 @@ from .memory import read_allocated
 @check(
     "instance.created",
     "An instance can be created and freed",
-    Clause(
-        "2.1.5",
-        "The function returns a new instance of an FMU.",
-        in_3=fmi3("2.3.1", "If a NULL pointer is returned, then instantiation failed."),
-    ),
+    quote("instance.created"),
     "See the log. Often, the GUID in the library is not that of modelDescription.xml.",
     needs=("instance.environment",),
 )
@@ -79,15 +62,7 @@ def _explain_not_run(subject: Subject) -> str:
 @check(
     "instance.guid",
     "A wrong GUID is refused",
-    Clause(
-        "2.1.5",
-        "It must be identical to the one stored inside the fmi2Instantiate function.",
-        in_3=fmi3(
-            "2.4.1",
-            "The instantiationToken is a string that may be used by the FMU to check that the XML file is "
-            "compatible with the implementation of the FMU.",
-        ),
-    ),
+    quote("instance.guid"),
     "Compare the argument fmuGUID with the GUID of the library, and return NULL if they differ.",
     needs=("instance.created",),
 )
@@ -126,7 +101,7 @@ _PAGES = 2.0**13
 @check(
     "instance.cycles",
     "Instances free their memory",
-    FREED,
+    quote("shared.freed"),
     "Run the FMU in a memory checker such as valgrind. Free all memory in fmi2FreeInstance.",
     needs=("run.completes",),
     time_factor=4.0,
@@ -193,7 +168,7 @@ def _read_used() -> tuple[float, float]:
 @check(
     "instance.independent",
     "Instances share nothing",
-    SEVERAL,
+    quote("shared.several"),
     "Keep states in the instance, not in static variables, or set canBeInstantiatedOnlyOncePerProcess.",
     needs=("run.deterministic",),
     time_factor=6.0,
@@ -266,16 +241,7 @@ _PART = 0.1
 @check(
     "instance.threads",
     "Instances can run in threads",
-    Clause(
-        "2.1",
-        "Additionally, they can be called in parallel provided the functions are called in different "
-        "process/threads.",
-        in_3=fmi3(
-            "2.2.1",
-            "Additionally, they can be called in parallel provided the functions are called in different "
-            "processes.",
-        ),
-    ),
+    quote("instance.threads"),
     "Keep buffers in the instance. Many hosts run each instance in its own thread.",
     needs=("instance.independent",),
     time_factor=9.0,
@@ -396,9 +362,7 @@ def _run_in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputT
 @check(
     "instance.reset",
     "Reset restores the initial state",
-    in_both(
-        "2.1.6", "2.3.1", "The FMU goes into the same state as if fmi2Instantiate would have been called."
-    ),
+    quote("instance.reset"),
     "fmi2Reset must set every variable and hidden state as fmi2Instantiate does.",
     needs=("run.deterministic",),
     time_factor=5.0,

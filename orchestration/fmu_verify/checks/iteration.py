@@ -6,7 +6,7 @@ from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, EndlessIterationError, HostedInstance
 from ..host.instance_runs import keep_run, run_instance
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, blocked, failed, fmi3, passed, skipped
+from ..verdict import CheckOutcome, blocked, failed, passed, quote, skipped
 
 NAME = "events.iteration"
 
@@ -14,17 +14,7 @@ NAME = "events.iteration"
 @check(
     NAME,
     "Event iterations end",
-    Clause(
-        "3.2.2",
-        "If return argument fmi2eventInfo->newDiscreteStatesNeeded = fmi2True, the FMU should stay in Event "
-        "Mode, and the FMU requires to set new inputs to the FMU (fmi2SetXXX on inputs) to compute and get "
-        "the outputs (fmi2GetXXX on outputs) and to call fmi2NewDiscreteStates again.",
-        in_3=fmi3(
-            "2.3.5",
-            "When discreteStatesNeedUpdate = fmi3True, the importer must stay in EventMode for another event "
-            "iteration, starting a new super-dense time instant.",
-        ),
-    ),
+    quote("events.iteration"),
     "Ask for another update only while discrete states change. Use a hysteresis where conditions alternate.",
     needs=("instance.created",),
     time_factor=2.0,

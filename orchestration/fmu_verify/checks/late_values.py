@@ -16,8 +16,7 @@ from ..host.instance_runs import take_in_time, walk
 from ..host.other_values import are_same, choose_other, format_value, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, skipped
-from ._clauses import KEEP_VALUES
+from ..verdict import CheckOutcome, quote, skipped
 
 _STEPS = 6
 _MORE_STEPS = 60
@@ -42,13 +41,7 @@ class _LateEffect(NamedTuple):
 @check(
     "values.late",
     "Values that are set between steps have an effect",
-    Clause(
-        "2.2.7",
-        'Whenever a parameter or input signal with variability = "tunable" changes, an event is triggered '
-        "externally (ModelExchange), or the change is performed at the next Communication Point "
-        "(Co-Simulation)",
-        in_3=KEEP_VALUES,
-    ),
+    quote("values.late"),
     "Compute with the present value of each input and tunable parameter in each step, not with a copy of it.",
     needs=("run.deterministic", "run.finite"),
     time_factor=3.0,

@@ -24,48 +24,15 @@ from ..layered_manifest import (
 )
 from ..messages import Breach, Problem, judge_problems, sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, noted, skipped
+from ..verdict import CheckOutcome, Clause, noted, quote, skipped
 from ._layered_terminals import doubt_maps, judge_buses, judge_maps
 from ._layered_xcp import judge_xcp
 
 _DOMAIN = re.compile(r"[A-Za-z][\w-]*(\.[\w-]+)+")
 """A reverse domain name."""
 
-_FOLDERS = Clause(
-    "2.3.1",
-    "In order to avoid ambiguities and conflicts, the extra files should be provided in subdirectories using "
-    "a reverse domain notation of a domain that is controlled by the entity defining the semantics and "
-    "content of the additional entries",
-    in_3=fmi3(
-        "2.5.1.6",
-        "In order to avoid ambiguities and conflicts, the names of these subdirectories should use the "
-        "reverse domain notation of a domain that is controlled by the entity defining the semantics and "
-        "content of the additional entries",
-    ),
-)
-_ATTRIBUTES = fmi3(
-    "2.6",
-    "The root element of this XML file shall have the following attributes in the XML namespace "
-    "http://fmi-standard.org/fmi-ls-manifest:",
-)
 _SEMANTIC = re.compile(r"(0|[1-9]\d*)\.(0|[1-9]\d*)(\.(0|[1-9]\d*))?([-+][\w.+-]+)?$")
-_VERSIONS = fmi3("2.6", "The use of semantic versioning is highly recommended.")
-_PRESENT = fmi3(
-    "2.6",
-    "A layered standard should require the presence of an XML file named fmi-ls-manifest.xml in the "
-    "sub-directory of extra mandated by the layered standard.",
-)
-_RELATED = Clause(
-    "2.1",
-    "Each element describes one additional related file present in the FMU archive.",
-    document="FMI-LS-REF 1.0.0-alpha.1",
-)
-_SOURCE = Clause(
-    "2.2",
-    "Any relative URIs are to be interpreted relative to the location of the layered standard manifest file "
-    "in the FMU archive",
-    document="FMI-LS-REF 1.0.0-alpha.1",
-)
+_PRESENT = quote("layered.present")
 
 
 class Findings(NamedTuple):
@@ -80,13 +47,7 @@ class Findings(NamedTuple):
 @check(
     "layered.manifests",
     "Manifests of layered standards are valid",
-    Clause(
-        "2.3.1",
-        "The use of subdirectories beginning with org.modelica and org.fmi-standard is explicitly reserved "
-        "for use by MAP FMI-defined layered standards, i.e. other uses must not use subdirectory names "
-        "beginning with these prefixes.",
-        in_3=_PRESENT,
-    ),
+    quote("layered.manifests"),
     "Write `extra/NAME/fmi-ls-manifest.xml` as the standard NAME says; its paths are relative to its folder.",
     needs=("description.schema",),
 )
@@ -111,7 +72,7 @@ def manifests(subject: Subject) -> CheckOutcome:
     if not paths and not any(findings):
         return skipped("It has no manifest of a layered standard.")
     if findings.notes and not findings.problems and not findings.doubts:
-        return noted(gaps[0], gaps=gaps[1:], clause=_FOLDERS)
+        return noted(gaps[0], gaps=gaps[1:], clause=quote("layered.folders"))
     fine = f"{len(paths)} manifests of layered standards are valid."
     return judge_problems(findings.problems, fine, findings.doubts, gaps=gaps)
 
@@ -148,7 +109,7 @@ def _judge_attributes(manifest: LayeredManifest, findings: Findings) -> None:
             lacks_namespace = manifest.root.get(f"fmi-ls-{attribute}") is not None
             where = " in its namespace" if lacks_namespace else ""
             message = f"{manifest.label} has no fmi-ls-{attribute}{where}."
-            findings.doubts.append(Breach(message, _ATTRIBUTES))
+            findings.doubts.append(Breach(message, quote("layered.attributes")))
         elif not text.strip():
             findings.gaps.append(f"The fmi-ls-{attribute} of {manifest.label} is empty.")
     if manifest.name and not _DOMAIN.fullmatch(manifest.name):
@@ -171,7 +132,7 @@ def _judge_standard(
         findings.problems.append(Breach(f"{label} has no fmi-ls-version.", clause))
     elif not _SEMANTIC.match(manifest.version or ""):
         message = f"{label} has the fmi-ls-version {manifest.version}, which is not a semantic version."
-        findings.doubts.append(Breach(message, _VERSIONS))
+        findings.doubts.append(Breach(message, quote("layered.versions")))
     elif manifest.version is not None and not manifest.version.startswith("1."):
         findings.gaps.append(f"{label} is for version {manifest.version}; it was judged by version 1.")
     if not (manifest.description or "").strip():
@@ -195,10 +156,10 @@ def _judge_related(manifest: LayeredManifest, subject: Subject, findings: Findin
         path = (manifest.path.parent / unquote(urlsplit(source).path)).resolve()
         if not path.is_relative_to(subject.folder.resolve()):
             message = f"{manifest.label} names the file {source}, which is outside of the FMU."
-            findings.problems.append(Breach(message, _SOURCE))
+            findings.problems.append(Breach(message, quote("layered.source")))
         elif not path.is_file():
             message = f"{manifest.label} names the file {source}, which does not exist."
-            findings.doubts.append(Breach(message, _RELATED))
+            findings.doubts.append(Breach(message, quote("layered.related")))
 
 
 def _judge_struct(manifest: LayeredManifest, subject: Subject, findings: Findings) -> None:
@@ -216,42 +177,22 @@ class _Standard(NamedTuple):
 
 _STANDARDS = {
     REF: _Standard(
-        Clause(
-            "2.1",
-            "All information about the related files included with the FMU are contained in the layered "
-            "standard manifest file.",
-            document="FMI-LS-REF 1.0.0-alpha.1",
-        ),
+        quote("layered.ref"),
         (2, 3),
         _judge_related,
     ),
     BUS: _Standard(
-        Clause(
-            "2",
-            "The manifest file shall be stored inside the FMU at the following path: "
-            "/extra/org.fmi-standard.fmi-ls-bus/fmi-ls-manifest.xml.",
-            document="FMI-LS-BUS 1.3.0-beta.1",
-        ),
+        quote("layered.bus"),
         (3,),
         lambda manifest, subject, findings: findings.problems.extend(judge_buses(subject)),
     ),
     XCP: _Standard(
-        Clause(
-            "2",
-            "This layered standard defines additional elements that carry relevant interface definitions and "
-            "capability flags in the layered standard manifest file.",
-            document="FMI-LS-XCP 1.0.0",
-        ),
+        quote("layered.xcp"),
         (2, 3),
         lambda manifest, subject, findings: findings.problems.extend(judge_xcp(manifest, subject)),
     ),
     STRUCT: _Standard(
-        Clause(
-            "2",
-            "The manifest file shall be stored inside the FMU at the following path: "
-            "/extra/org.fmi-standard.fmi-ls-struct/fmi-ls-manifest.xml.",
-            document="FMI-LS-STRUCT 1.0.0-rc.1",
-        ),
+        quote("layered.struct"),
         (3,),
         _judge_struct,
     ),

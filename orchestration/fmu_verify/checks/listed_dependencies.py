@@ -6,54 +6,18 @@ from ..check import check
 from ..declarations import Declarations, DeclaredUnknown
 from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3
-from ._clauses import INDICES
+from ..verdict import CheckOutcome, quote
 from .structure import find_unlisted, ignores_derivatives
+
+_INDICES = quote("shared.indices")
 
 LINEAR_KINDS = ("constant", "fixed", "tunable", "discrete")
 """Kinds of dependencies that only Real unknowns can have."""
 
-_ASCENDING = Clause(
-    "2.2.8",
-    "The indices are ordered according to magnitude, starting with the smallest index.",
-    in_3=fmi3("2.4.8", "Otherwise the unknown depends on the knowns defined by the given value references."),
-)
-_KINDS = Clause(
-    "2.2.8",
-    'If "dependenciesKind" is present, "dependencies" must be present and must have the same number of list '
-    "elements.",
-    in_3=fmi3(
-        "2.4.8",
-        "If dependenciesKind is present, dependencies must be present and must have the same number of list "
-        "elements.",
-    ),
-)
-_REAL_KINDS = Clause(
-    "2.2.8",
-    "Only for Real unknowns",
-    in_3=fmi3("2.4.8", "The following dependenciesKind is only allowed for floating point"),
-)
-_INITIAL_KINDS = Clause(
-    "2.2.8",
-    "and not for InitialUnknowns for Initialization Mode:",
-    in_3=fmi3(
-        "2.4.8",
-        "The following dependenciesKind is only allowed for floating point v_unknown in EventMode and "
-        "ContinuousTimeMode (ME) and at communication points (CS and SE), and not for InitialUnknown for "
-        "InitializationMode:",
-    ),
-)
-_INDEPENDENT = Clause(
-    "2.2.8",
-    "If present as empty list, the Unknown depends on none of the Knowns. Otherwise the Unknown depends on "
-    "the Knowns defined by the given ScalarVariable indices.",
-    in_3=fmi3(
-        "2.4.8",
-        "For a real valued unknown and a real valued known, if the known is not listed among the "
-        "dependencies then the partial derivative of the unknown with respect to that known is identically "
-        "zero.",
-    ),
-)
+_ASCENDING = quote("listed_dependencies.ascending")
+_KINDS = quote("listed_dependencies.kinds")
+_INITIAL_KINDS = quote("listed_dependencies.initial_kinds")
+_INDEPENDENT = quote("listed_dependencies.independent")
 
 
 @check(
@@ -96,7 +60,7 @@ def dependencies(subject: Subject) -> CheckOutcome:
             if not_known:
                 names = join_few_names([v.name for v in not_known])
                 message = f"{label} depends on {names}, which is not known when it is computed."
-                doubts.append(Breach(message, INDICES))
+                doubts.append(Breach(message, _INDICES))
     if not problems:
         doubts += _compare_with_initial(declared, states - left_out, free)
     return judge_problems(problems, f"{count} dependencies are on variables that are known.", doubts)
@@ -154,7 +118,7 @@ def _find_ill_formed(
     indices, kinds = unknown.dependencies, unknown.kinds
     beyond = [i for i in indices or () if declared.variable(i) is None]
     if beyond:
-        yield Breach(f"{label} depends on {declared.describe_missing(beyond[0])}.", INDICES)
+        yield Breach(f"{label} depends on {declared.describe_missing(beyond[0])}.", _INDICES)
     elif declared.version == 2 and indices is not None and list(indices) != sorted(set(indices)):
         yield Breach(f"The dependencies of {label} are not in ascending order.", _ASCENDING)
     if kinds is None:
@@ -164,7 +128,7 @@ def _find_ill_formed(
     variable, linear = unknown.variable, [kind for kind in kinds if kind in LINEAR_KINDS]
     if variable is not None and not variable.is_real and linear:
         message = f"{label} is of type {variable.type}, but has a dependency of the kind {linear[0]}."
-        yield Breach(message, _REAL_KINDS)
+        yield Breach(message, quote("listed_dependencies.real_kinds"))
     later = [kind for kind in linear if kind != "constant"]  # do not exist before initialization ends
     if is_initial and later:
         yield Breach(f"{label} has a dependency of the kind {later[0]}.", _INITIAL_KINDS)

@@ -18,7 +18,7 @@ from ..host.log import LOG, format_message
 from ..host.process_state import load_c_library
 from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import RETURNS, CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
+from ..verdict import RETURNS, CheckOutcome, failed, noted, passed, quote, skipped, warned
 from .calls import go_to_phase, list_refused_calls
 
 _MOST_CATEGORIES = 6
@@ -32,41 +32,10 @@ _STEPS_OF_ONE = 50
 """Most steps with one category enabled alone, of which there may be many."""
 
 
-_DISABLED = Clause(
-    "2.1.5",
-    "If loggingOn = fmi2False, debug logging is disabled.",
-    in_3=fmi3(
-        "2.3.1",
-        "If loggingOn = fmi3False, then any logging is disabled and the logMessage callback function must "
-        "not be called by the FMU.",
-    ),
-)
-_ENABLED = Clause(
-    "2.1.5",
-    "If loggingOn = fmi2True, debug logging is enabled for the log categories specified in categories, "
-    "otherwise it is disabled.",
-    in_3=fmi3(
-        "2.3.1",
-        "The FMU must call the logMessage callback function only for categories which are turned on by this "
-        "function.",
-    ),
-)
-_ALLOWED = Clause(
-    "2.1.5",
-    "The allowed values for “category” are defined in the modelDescription.xml file via the element "
-    "“<fmiModelDescription><LogCategories>”",
-    in_3=fmi3(
-        "2.3.1",
-        "The allowed values for category are defined in the modelDescription.xml file via the element "
-        "<LogCategories>.",
-    ),
-)
-
-
 @check(
     "log.categories",
     "Debug messages follow the logging settings",
-    _DISABLED,
+    quote("logs.disabled"),
     "Check loggingOn and the categories before you call the logger with fmi2OK. Do not print.",
     needs=("run.completes",),
     time_factor=2.0,
@@ -97,13 +66,13 @@ def categories(subject: Subject) -> CheckOutcome:
         for line in lines:
             if line.status == OK and line.category != category:
                 where = f"With only {category} enabled it logs in {_describe_category(line)}"
-                return failed(f"{where}: {format_message(line.text)}", clause=_ENABLED)
+                return failed(f"{where}: {format_message(line.text)}", clause=quote("logs.enabled"))
     strange = sorted(
         {_describe_category(line) for line in [*quiet, *everything] if line.category not in declared}
     )
     if strange and declared:
         message = f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare."
-        return warned(message, clause=_ALLOWED)
+        return warned(message, clause=quote("logs.allowed"))
     if printed:
         return noted(f"It writes to standard output: {format_message(printed)}")
     gaps = list_left_out(len(enabled_alone), len(category_names), "categories were enabled alone.")
@@ -111,22 +80,10 @@ def categories(subject: Subject) -> CheckOutcome:
     return passed(message, gaps=gaps)
 
 
-_EXPECTED = Clause(
-    "2.1.3",
-    "Function logger was called in the FMU (see below), and it is expected that this function has shown the "
-    "prepared information message to the user.",
-    in_3=fmi3(
-        "2.3.1",
-        "If a function does not return fmi3OK, it must provide the reason by calling logMessage at least "
-        "once with this status.",
-    ),
-)
-
-
 @check(
     "log.errors",
     "Errors come with a message",
-    _EXPECTED,
+    quote("logs.expected"),
     "Call the logger with the reason before a function returns fmi2Error.",
     needs=("run.completes",),
     time_factor=2.0,

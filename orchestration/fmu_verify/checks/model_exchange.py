@@ -8,7 +8,7 @@ from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import run_alone, run_instance
 from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, noted, own_rule, passed, skipped
+from ..verdict import CheckOutcome, noted, passed, quote, skipped
 from ._sameness import describe_differences
 from .iteration import explain_endless
 
@@ -18,15 +18,7 @@ _WITH_CLOCKS = "Models with Clocks are not integrated; their co-simulation is ex
 @check(
     "model_exchange.runs",
     "The model can be integrated",
-    Clause(
-        "3.2.3",
-        "Every implementation of the FMI must support calling sequences of the functions according to the "
-        "following state chart",
-        in_3=fmi3(
-            "3.2",
-            "The state machine in [...] defines the allowed calling sequences for FMI for Model Exchange.",
-        ),
-    ),
+    quote("model_exchange.runs"),
     "Integrate the model with another tool and look at the call that fails.",
     needs=("instance.created",),
     time_factor=2.0,
@@ -51,14 +43,7 @@ def runs(subject: Subject) -> CheckOutcome:
 @check(
     "model_exchange.split",
     "Results do not depend on where the host stops",
-    Clause(
-        "3.1",
-        "An event occurs when the event indicator changes its domain",
-        in_3=fmi3(
-            "3.1",
-            "An event indicator, and only an event indicator, signals a state event with the domain change",
-        ),
-    ),
+    quote("model_exchange.split"),
     "Tell state events by event indicators and time events by nextEventTime. Sample only when it is time.",
     needs=("model_exchange.runs",),
     time_factor=3.0,
@@ -106,7 +91,7 @@ _MAX_DIFFERENT_FRACTION = 0.3
 @check(
     "model_exchange.agrees",
     "Model Exchange and Co-Simulation agree",
-    own_rule("model_exchange.agrees", "Both kinds give the same outputs. The standard does not require it."),
+    quote("model_exchange.agrees"),
     "Integrate with shorter internal steps, or document how the two differ.",
     needs=("model_exchange.runs", "run.finite"),
     time_factor=3.0,

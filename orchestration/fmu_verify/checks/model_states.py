@@ -14,33 +14,9 @@ from ..host.instance_runs import list_outputs
 from ..host.integration import HostedModel
 from ..messages import Breach, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, skipped
+from ..verdict import CheckOutcome, quote, skipped
 
-_POSITIVE = Clause(
-    "3.2.2",
-    "Note that it is required that x_nominal[i] > 0.0.",
-    in_3=fmi3("2.3.2", "It is required that nominals[i] > 0.0."),
-)
-_JUMPED = Clause(
-    "3.2.2",
-    "If valuesOfContinuousStatesChanged = fmi2True, then at least one element of the continuous state vector "
-    "has changed its value due to the function call.",
-    in_3=fmi3(
-        "2.3.5",
-        "If argument valuesOfContinuousStatesChanged = fmi3True, then at least one continuous state has "
-        "changed its value because it was re-initialized",
-    ),
-)
-_FROZEN = Clause(
-    "3.1",
-    "When entering Continuous-Time Mode all relations reported via the event indicators z are fixed and "
-    "during this Mode these relations are replaced by r.",
-    in_3=fmi3(
-        "3.1",
-        "Even when an event indicator switches, its corresponding relation must stay “frozen” to assure the "
-        "continuity assumption of the integration algorithm.",
-    ),
-)
+_POSITIVE = quote("model_states.positive")
 _STEPS = 50
 _CLOSE = 1e-9
 """Allowed distance of a derivative from the variable that it is, relative to the largest one."""
@@ -54,16 +30,7 @@ _JUMP = 0.02
 @check(
     "model_exchange.states",
     "States and derivatives are those of the model description",
-    Clause(
-        "3.2.2",
-        "The ordering of the elements of the derivatives vector is identical to the ordering of the state "
-        "vector (for example, derivatives[2] is the derivative of x[2]).",
-        in_3=fmi3(
-            "3.2.1",
-            "The order of the continuousStates vector must be the same as the ordered list of elements "
-            "<ContinuousStateDerivative> in <ModelStructure>.",
-        ),
-    ),
+    quote("model_exchange.states"),
     "Return states, derivatives and nominal values in the order of ModelStructure. In continuous-time mode, "
     "keep what depends on an event; say in event mode which states changed.",
     needs=("model_exchange.runs",),
@@ -91,7 +58,7 @@ def states(subject: Subject) -> CheckOutcome:
             break
         visited.append(_read_vector(model.read_states, len(names)))
         slopes.append(_read_vector(model.derive, len(names)))
-    problems += [Breach(message, _JUMPED) for message in model.untold[:1]]
+    problems += [Breach(message, quote("model_states.jumped")) for message in model.untold[:1]]
     instance.free()
     doubts += _find_jump(subject, course, names, np.array(visited), np.array(slopes))
     fine = f"{len(names)} states and derivatives are the variables of their places, and continuous."
@@ -196,7 +163,7 @@ def _find_jump(
                     yield Breach(
                         f"{names[i][1]} jumps from {left_slopes[i]:.6g} to {right_slopes[i]:.6g} in "
                         f"continuous-time mode, at {at}: an event indicator has to tell it.",
-                        _FROZEN,
+                        quote("model_states.frozen"),
                     )
                     return
     except CallError:  # states beyond an event may be invalid

@@ -10,7 +10,7 @@ from ..host.hosted_instance import HostedInstance
 from ..host.instance_runs import walk
 from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, passed, skipped, warned
+from ..verdict import CheckOutcome, passed, quote, skipped, warned
 
 _MOST_ORDERS = 3
 _LATE_RATIO = 0.1
@@ -19,30 +19,11 @@ _LATE_RATIO = 0.1
 _MARGIN = 0.05
 """Allowed distance from the surrounding slopes, relative to the largest slope of the output."""
 
-_AT_THE_END = Clause(
-    "4.2.1",
-    "Retrieves the n-th derivative of output values.",
-    in_3=fmi3(
-        "4.1.2",
-        "For example, after a successful call to fmi3DoStep, the returned values are related to "
-        "the end of the communication step.",
-    ),
-)
-
 
 @check(
     "derivatives.outputs",
     "Output derivatives match the slopes of the outputs",
-    Clause(
-        "4.3.1",
-        "Calling of fmi2GetRealOutputDerivatives(..) is allowed up to the order defined by "
-        "maxOutputDerivativeOrder.",
-        in_3=fmi3(
-            "4.4",
-            "Calling of fmi3GetOutputDerivatives is allowed up to the order defined by "
-            "maxOutputDerivativeOrder.",
-        ),
-    ),
+    quote("derivatives.outputs"),
     "Return the slope at the end of the step, or set maxOutputDerivativeOrder to 0.",
     needs=("run.finite",),
 )
@@ -69,7 +50,7 @@ def of_outputs(subject: Subject) -> CheckOutcome:
             f"{len(wrong)} of {most * len(names)} derivatives of outputs do not match their slopes, "
             f"for example that of {wrong[0][0]}, of order {wrong[0][1]}.",
             details=lines,
-            clause=_AT_THE_END,
+            clause=quote("output_derivatives.at_the_end"),
         )
     gaps = list_left_out(most, declared, "orders of derivatives were compared.")
     return passed(

@@ -12,7 +12,7 @@ from ..libraries import SUFFIXES, list_libraries, list_platforms
 from ..messages import judge_problems
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, failed, fmi3, passed, skipped, warned
+from ..verdict import CheckOutcome, failed, passed, quote, skipped, warned
 
 _THIS_PLATFORM = (fmpy.platform_tuple, fmpy.platform)
 _VERSION_3 = re.compile(rb"3\.0(\.[0-9]+)?")
@@ -21,17 +21,7 @@ _VERSION_3 = re.compile(rb"3\.0(\.[0-9]+)?")
 @check(
     "binaries.platform",
     "Libraries are for the platform of their folder",
-    Clause(
-        "2.3",
-        'The following names are standardized: for Windows: "win32", "win64"- for Linux: "linux32", '
-        '"linux64", for Macintosh: "darwin32", "darwin64" where "32" stands for "32-bit x86" and "64" for '
-        '"64-bit x86" respectively.',
-        in_3=fmi3(
-            "2.5.1.4.1",
-            "The binaries must be placed in the respective <platformTuple> directory with the general format "
-            "<arch>-<sys>.",
-        ),
-    ),
+    quote("binaries.platform"),
     "Move the library to the folder of its platform, or build it for this one.",
     needs=("binaries.present",),
 )
@@ -65,16 +55,7 @@ def platform(subject: Subject) -> CheckOutcome:
 @check(
     "binaries.version",
     "The library is compiled for FMI 2.0",
-    Clause(
-        "2.1.4",
-        'The standard header file as documented in this specification has version "2.0" (so this function '
-        'usually returns "2.0").',
-        in_3=fmi3(
-            "2.2.5",
-            "The standard header file as documented in this specification has version 3.0, so this function "
-            "returns 3.0.",
-        ),
-    ),
+    quote("binaries.version"),
     "Compile the library with the header files of FMI 2.0, and return fmi2Version and fmi2TypesPlatform.",
     needs=("binaries.loads",),
 )

@@ -26,8 +26,7 @@ from ..host.process_state import (
 from ..messages import join_few_names, judge_problems
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, failed, in_both, own_rule, passed, skipped, warned
-from ._clauses import FREED
+from ..verdict import CheckOutcome, failed, passed, quote, skipped, warned
 
 _STEPS = 10
 _CYCLES = 3
@@ -44,7 +43,7 @@ def _run(subject: Subject) -> HostedInstance:
 @check(
     "process.resources",
     "Instances free files, threads and processes",
-    FREED,
+    quote("shared.freed"),
     "Close files, join threads, and end and await child processes in fmi2FreeInstance.",
     needs=("run.completes",),
     time_factor=2.0,
@@ -99,9 +98,7 @@ _NOTHING = "nothing"
 @check(
     "process.settings",
     "The settings of the process are unchanged",
-    in_both(
-        "2.1", "2.2.1", "FMI functions must not change global settings which affect other processes/threads."
-    ),
+    quote("process.settings"),
     "Restore the setting before the function returns. Other FMUs and the host compute with it.",
     needs=("run.completes",),
 )
@@ -136,7 +133,7 @@ def _read_settings_of_run(subject: Subject) -> tuple[dict[str, str], dict[str, s
 @check(
     "process.files",
     "No files are written without being asked",
-    own_rule("process.files", "An FMU does not write into its own or the user's folders by itself."),
+    quote("process.files"),
     "Write to the system's folder for temporary files, or to a file that a parameter names.",
     needs=("run.completes",),
     time_factor=2.0,
@@ -219,7 +216,7 @@ _QUIET = 4096
 @check(
     "process.output",
     "Standard output and error are not flooded",
-    own_rule("process.output", "Messages go to the logger that the host provides."),
+    quote("process.output"),
     "Call the logger of fmi2CallbackFunctions instead. Hosts use these streams for their own output.",
     needs=("run.completes",),
 )
@@ -253,7 +250,7 @@ def _record_streams(subject: Subject) -> dict[str, tuple[int, str]]:
 @check(
     "process.unload",
     "The library can be unloaded",
-    own_rule("process.unload", "A host that unloads the library continues, and can end normally."),
+    quote("process.unload"),
     "Keep functions that run at the end of the library free of what no longer exists.",
     needs=("run.completes",),
 )

@@ -19,7 +19,7 @@ from ..host.instance_runs import OutputTrajectory, list_outputs, step_instance, 
 from ..host.other_values import Values, list_other_values, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, own_rule, skipped
+from ..verdict import CheckOutcome, quote, skipped
 
 _MAX_TIME_ERROR = 1e-3
 """Distance of the FMU's time from the end of a step, relative to the step, that counts."""
@@ -31,17 +31,7 @@ _STEPS = 5
 @check(
     "steps.time",
     "The FMU's time is that of the host",
-    Clause(
-        "2.2.7",
-        "Instead, its value is initialized with fmi2SetupExperiment and after initialization set by "
-        "fmi2SetTime for ModelExchange and by arguments currentCommunicationPoint and communicationStepSize "
-        "of fmi2DoStep for CoSimulation.",
-        in_3=fmi3(
-            "2.2.6",
-            "The initial value of the independent variable is the value of the argument startTime of "
-            "fmi3EnterInitializationMode.",
-        ),
-    ),
+    quote("steps.time"),
     "Begin with the start time that the host sets, and end each step at its communication point plus size.",
     needs=("run.finite",),
     time_factor=2.0,
@@ -156,10 +146,7 @@ _LATE_FRACTION = 0.6
 @check(
     "run.frozen",
     "Outputs, states and effects of inputs do not stop",
-    own_rule(
-        "run.frozen",
-        "What changed in each step goes on to change while that on which it depends changes.",
-    ),
+    quote("run.frozen"),
     "Look for what fmi2DoStep does once only or up to a certain time: counters, buffers, tables that end.",
     needs=("run.deterministic", "run.finite"),
     time_factor=3.0,

@@ -14,19 +14,11 @@ from ..references.recording import record_reference as write_references
 from ..references.reference_files import find_solution, list_companions, read_reference
 from ..references.related_files import RelatedFile, list_related
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, NotRunError, blocked, failed, passed, skipped, warned
+from ..verdict import CheckOutcome, NotRunError, blocked, failed, passed, quote, skipped, warned
 
-_RULES = Clause(
-    "3",
-    "The rules have been tightened to allow automatic result comparison with specified epsilon bands.",
-    "FMI Cross-Check Rules 4.1",
-)
+_RULES = quote("references.rules")
 
-_RESULT = Clause(
-    "2.2",
-    "Result file, e.g., a result file that contains the results of an experiment or simulation run.",
-    "FMI-LS-REF 1.0.0-alpha.1",
-)
+_RESULT = quote("references.result")
 
 
 @check(

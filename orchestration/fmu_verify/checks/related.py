@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import fmpy
@@ -32,20 +31,22 @@ from ..references.playback import run_reference
 from ..references.reference_files import ReferenceSolution, list_companions
 from ..references.related_files import SRMD, RelatedFile, find_fault, is_of_type, is_xml, list_related
 from ..subject import Subject
-from ..verdict import RETURNS, CheckOutcome, Clause, NotRunError, Verdict, failed, passed, skipped, warned
+from ..verdict import (
+    RETURNS,
+    CheckOutcome,
+    NotRunError,
+    Verdict,
+    failed,
+    passed,
+    quote,
+    skipped,
+    warned,
+)
 from ._sameness import ROUNDING, compare_runs
 from .states import restore_bytes
 
 _FACTOR, _TIME_FRACTION = 6.0, 0.8
 """Factor of the time limit for all experiments of a check, and the part of that in which they run."""
-
-_clause = partial(Clause, document="FMI-LS-REF 1.0.0-alpha.1")
-
-_PERFORMED = _clause(
-    "2.5.2",
-    "If a related file with main role `experiment` is given, the expectation is that the set of experiments "
-    "defined in the file can be performed on the FMU just using the resources present in the FMU.",
-)
 
 
 def _judge_each(
@@ -170,7 +171,7 @@ _HINT = "Run the experiment in a tool for the simulation of FMUs. Correct its fi
 @check(
     "related.smoke_tests",
     "The smoke tests in the FMU run",
-    _PERFORMED,
+    quote("related.performed"),
     _HINT,
     needs=("run.completes", "related.metadata"),
     time_factor=_FACTOR,
@@ -183,11 +184,7 @@ def smoke_tests(subject: Subject) -> CheckOutcome:
 @check(
     "related.validation",
     "The validations in the FMU agree with their references",
-    _clause(
-        "2.5.2",
-        "If the sub-role `validation` is given, the expectation is that the experiment(s) defined in the "
-        "file can be used to perform a detailed validation of the FMU in a simulation environment.",
-    ),
+    quote("related.validation"),
     "The plot shows where. Correct the FMU, or the files of the experiment.",
     needs=("run.completes", "related.metadata"),
     time_factor=_FACTOR,
@@ -200,11 +197,7 @@ def validation(subject: Subject) -> CheckOutcome:
 @check(
     "related.uncertainty",
     "The experiments for uncertainty analyses run",
-    _clause(
-        "2.5.2",
-        "If the sub-role `uncertainty-analysis` is given, the expectation is that the experiment(s) defined "
-        "in the file can be used to perform an uncertainty analysis of the FMU in a simulation environment.",
-    ),
+    quote("related.uncertainty"),
     _HINT,
     needs=("run.completes", "related.metadata"),
     time_factor=_FACTOR,
@@ -224,11 +217,7 @@ def uncertainty(subject: Subject) -> CheckOutcome:
 @check(
     "related.parameters",
     "The parameter sets in the FMU can be applied",
-    _clause(
-        "2.5.1",
-        "If a related file with role `parameter` is given, the expectation is that the parameter set defined "
-        "in the related file can be applied as-is to the FMU.",
-    ),
+    quote("related.parameters"),
     "Compare the names, types, units and ranges of the parameter set with modelDescription.xml.",
     needs=("run.completes", "related.metadata"),
     time_factor=_FACTOR,
@@ -268,12 +257,7 @@ def _run_with(subject: Subject, values: dict[str, object]) -> None:
 @check(
     "related.states",
     "The serialized states in the FMU can be restored",
-    _clause(
-        "2.2",
-        "Serialized state file, e.g., a file that contains a serialized state of the FMU, suitable for "
-        "restoring the FMU to this state using the FMI functions for state serialization and deserialization "
-        "and state setting.",
-    ),
+    quote("related.states"),
     "Write the file with this build of the FMU. Name the platform in the role if others cannot read it.",
     needs=("run.completes", "related.metadata"),
     time_factor=3.0,
@@ -336,11 +320,7 @@ _JUDGED_ROLES = ("experiment", "parameter", "serialized-state", "result")
 @check(
     "related.metadata",
     "Meta-data and other documents in the FMU are valid",
-    _clause(
-        "2.2",
-        "Meta-data file, e.g., an SRMD file or other meta-data file that provides meta-data about the FMU or "
-        "its context.",
-    ),
+    quote("related.metadata"),
     "Correct the file, or its entry in extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml.",
     needs=("archive.safe",),
 )

@@ -22,7 +22,7 @@ from ..host.instance_runs import (
 from ..host.junk import fill_memory
 from ..messages import join_few_names
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, warned
+from ..verdict import CheckOutcome, failed, noted, passed, quote, warned
 from ._sameness import compare_runs
 from .iteration import explain_endless
 
@@ -33,14 +33,7 @@ _PART = 0.4
 @check(
     "run.completes",
     "The default experiment runs",
-    Clause(
-        "4.2.4",
-        "The following state machine defines the supported calling sequences.",
-        in_3=fmi3(
-            "4.2",
-            "The state machine in [...] defines the allowed calling sequences for FMI for Co-Simulation.",
-        ),
-    ),
+    quote("run.completes"),
     "See the log. Try the FMU with the step size and start values that its author uses.",
     needs=("instance.created",),
 )
@@ -82,11 +75,7 @@ def completes(subject: Subject) -> CheckOutcome:
 @check(
     "run.finite",
     "Outputs are always finite",
-    Clause(
-        "2.1.3",
-        "fmi2OK – all well",
-        in_3=fmi3("2.2.4", "The output argument values are defined."),
-    ),
+    quote("run.finite"),
     "A step without finite results should return fmi2Discard or fmi2Error, and log the reason.",
     needs=("run.completes",),
 )
@@ -135,18 +124,7 @@ _UNCERTAIN = 1e-6
 @check(
     "run.ranges",
     "Outputs stay between their min and max",
-    Clause(
-        "2.2.3",
-        "If an FMU defines min/max values for Reals, then the expected behavior of the FMU is that "
-        "fmi2GetReal returns values at the solution [...] in the defined range with a certain uncertainty "
-        "related to the tolerances of the numerical algorithms.",
-        in_3=fmi3(
-            "2.2.7.3",
-            "If an FMU defines min/max values for local and output variables of floating point types, then "
-            "the FMU may return values in the defined range with a certain uncertainty related to the "
-            "tolerances of the numerical algorithms and representational limits of IEEE 754.",
-        ),
-    ),
+    quote("run.ranges"),
     "Widen min and max in modelDescription.xml, or limit the output.",
     needs=("run.finite",),
 )
@@ -179,7 +157,7 @@ def _describe_violation(subject: Subject, name: str, values: np.ndarray, traject
 @check(
     "run.deterministic",
     "Two runs are the same",
-    Clause("run.deterministic", "The same inputs give the same outputs.", document="emla verify"),
+    quote("run.deterministic"),
     "Initialize all memory, seed random numbers by a parameter, and do not use clocks or addresses.",
     needs=("run.completes",),
     time_factor=3.0,

@@ -8,8 +8,7 @@ from ..messages import Breach, Problem, judge_problems
 from ..sanitizer.reports import count_bytes
 from ..sanitizer.run import TIME_FACTOR, SanitizedRun, run_sanitized
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, skipped
-from ._clauses import FREED
+from ..verdict import CheckOutcome, quote, skipped
 
 _check = partial(
     check,
@@ -18,36 +17,14 @@ _check = partial(
     memory_factor=2.0**24,  # AddressSanitizer reserves 2^44 addresses; what it uses has a limit of its own
 )
 
-_C = "ISO/IEC 9899:2011"
-_OUTSIDE = Clause(
-    "6.5.6",
-    "If both the pointer operand and the result point to elements of the same array object, or one past the "
-    "last element of the array object, the evaluation shall not produce an overflow; otherwise, the behavior "
-    "is undefined.",
-    document=_C,
-)
-_LIFETIME = Clause(
-    "6.2.4",
-    "If an object is referred to outside of its lifetime, the behavior is undefined.",
-    document=_C,
-)
-_INVALID = Clause(
-    "6.5.3.2",
-    "If an invalid value has been assigned to the pointer, the behavior of the unary * operator is "
-    "undefined.",
-    document=_C,
-)
-_FREE = Clause(
-    "7.22.3.3",
-    "Otherwise, if the argument does not match a pointer earlier returned by a memory management function, "
-    "or if the space has been deallocated by a call to free or realloc, the behavior is undefined.",
-    document=_C,
-)
+_OUTSIDE = quote("sanitizer.outside")
+_LIFETIME = quote("sanitizer.lifetime")
+_FREE = quote("sanitizer.free")
 _CLAUSES = {
     "heap-use-after-free": _LIFETIME,
     "stack-use-after-return": _LIFETIME,
     "stack-use-after-scope": _LIFETIME,
-    "SEGV": _INVALID,
+    "SEGV": quote("sanitizer.invalid"),
     "double-free": _FREE,
     "bad-free": _FREE,
 }
@@ -74,7 +51,7 @@ def address(subject: Subject) -> CheckOutcome:
 @_check(
     "sanitizer.leaks",
     "All memory is freed",
-    FREED,
+    quote("shared.freed"),
     "Free in fmi2FreeInstance what the instance allocated, and in fmi2FreeFMUstate what the state did.",
 )
 def leaks(subject: Subject) -> CheckOutcome:
@@ -96,12 +73,7 @@ def leaks(subject: Subject) -> CheckOutcome:
 @_check(
     "sanitizer.undefined",
     "Arithmetic and pointers are defined",
-    Clause(
-        "3.4.3",
-        "behavior, upon use of a nonportable or erroneous program construct or of erroneous data, for which "
-        "this International Standard imposes no requirements",
-        document=_C,
-    ),
+    quote("sanitizer.undefined"),
     "Compile the sources with -fsanitize=undefined. Other compilers may compute another result.",
     advisory=True,
 )

@@ -11,8 +11,7 @@ from ..host.hosted_instance import HostedInstance
 from ..host.instance_runs import walk
 from ..host.other_values import MOST, Values, list_other_values, list_settable, run_where_accepted
 from ..subject import Subject
-from ..verdict import CheckOutcome, Verdict, failed, skipped
-from ._clauses import SEVERAL
+from ..verdict import CheckOutcome, Verdict, failed, quote, skipped
 from .values import judge_unchanged, read_values
 
 _ROUNDING = 1e-9
@@ -25,7 +24,7 @@ _STEPS = 3
 @check(
     "values.shared",
     "Instances have their own parameters and inputs",
-    SEVERAL,
+    quote("shared.several"),
     "Keep parameters in the instance, not in static variables, or set canBeInstantiatedOnlyOncePerProcess.",
     needs=("run.deterministic",),
     time_factor=2.0,

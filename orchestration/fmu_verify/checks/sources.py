@@ -15,7 +15,7 @@ from ..messages import Breach, join_few_names, judge_problems, shorten_sentence
 from ..sanitizer.compiling import build_complete_library, find_sources
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, Verdict, failed, fmi3, passed, skipped, warned
+from ..verdict import CheckOutcome, Verdict, failed, passed, quote, skipped, warned
 
 _BUILD_DESCRIPTION = "buildDescription.xml"
 _C = (".c",)
@@ -30,31 +30,13 @@ _PART = 0.3
 _SANITIZERS = 0.2
 """Part of the time limit for the build with sanitizers. If it succeeds, other checks use it, too."""
 
-_TO_LIST = Clause(
-    "2.3",
-    "All C source file names that need to be defined in a compiler directive have to be defined in the XML "
-    "file under structure <ModelExchange><SourceFiles> and <CoSimulation><SourceFiles>.",
-)
-_LISTED = Clause(
-    "fmi2ModelDescription.xsd",
-    'List of source file names that are present in the "sources" directory of the FMU and need to be '
-    "compiled in order to generate the binary of the FMU",
-)
+_LISTED = quote("sources.listed")
 
 
 @check(
     "sources.compile",
     "Sources compile",
-    Clause(
-        "2.3",
-        "// all needed C sources and C header files to compile and link the FMU",
-        in_3=fmi3(
-            "2.5.1.3",
-            "A source code FMU contains the sources of the model in the sources directory together with a "
-            "buildDescription.xml that contains at least one BuildConfiguration element for the supported "
-            "platforms.",
-        ),
-    ),
+    quote("sources.compile"),
     "List all compiled files, and no others, in SourceFiles. Ship the headers that they include.",
     needs=("description.schema",),
     time_factor=_TIME_FACTOR,
@@ -71,7 +53,7 @@ def compile_(subject: Subject) -> CheckOutcome:
     if not any(lists.values()):
         if folder.is_dir() and any(folder.rglob("*.c")):
             message = "The FMU has sources, but SourceFiles does not list which to compile."
-            return warned(message, clause=_TO_LIST)
+            return warned(message, clause=quote("sources.to_list"))
         return skipped("The FMU has no sources.")
     listed_files = {name for names in lists.values() for name in names}
     if missing := sorted(name for name in listed_files if find_inside(folder, name) is None):

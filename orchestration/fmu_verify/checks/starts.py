@@ -7,48 +7,14 @@ from ..check import check
 from ..declarations import NUMERIC, DeclaredVariable
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3
-from ._clauses import ENUMERATION
+from ..verdict import CheckOutcome, quote
 
-_REQUIRED = Clause(
-    "2.2.7",
-    'If initial = "exact" or "approx" or causality = "input", a start value must be provided.',
-    in_3=fmi3("2.4.7.5", "If initial = exact or approx, a start attribute must be provided."),
-)
-_ALWAYS_REQUIRED = Clause(
-    "2.2.7",
-    'Variables with causality = "parameter" or "input", as well as variables with variability = "constant", '
-    'must have a "start" value.',
-    in_3=fmi3(
-        "2.4.7.5",
-        "Variables with causality = parameter or input, as well as variables with variability = constant, "
-        "must have a start attribute",
-    ),
-)
-_FORBIDDEN = Clause(
-    "2.2.7",
-    'If initial = calculated, or causality = "independent", it is not allowed to provide a start value.',
-    in_3=fmi3(
-        "2.4.7.5",
-        "If initial = calculated or causality = independent, it is not allowed to provide a start attribute.",
-    ),
-)
-_ORDERED = Clause(
-    "fmi2ScalarVariable.xsd",
-    "max >= start >= min required",
-    in_3=fmi3("2.4.4", "Minimum value of variable (variable value ≥ min)."),
-)
-_FINITE = Clause(
-    "2.2",
-    "The special values NAN, INF, +INF, and -INF for variables values are not allowed in the FMI xml files.",
-)
-_NOMINAL = Clause("fmi2AttributeGroups.xsd", "nominal > 0.0 required")
-_ITEM = Clause(
-    "2.2.7",
-    "For Enumeration it is required, because the Enumeration items are defined in TypeDefinitions / "
-    "SimpleType.",
-    in_3=ENUMERATION,
-)
+_REQUIRED = quote("starts.required")
+_ALWAYS_REQUIRED = quote("starts.always_required")
+_FORBIDDEN = quote("starts.forbidden")
+_ORDERED = quote("starts.ordered")
+_FINITE = quote("starts.finite")
+_NOMINAL = quote("starts.nominal")
 
 
 @check(
@@ -139,7 +105,7 @@ def _judge_start(
         and start not in items[attributes["declaredType"]]
     ):
         message = f"The start value {start:g} of {variable} is not an item of {attributes['declaredType']}."
-        yield Breach(message, _ITEM)
+        yield Breach(message, quote("starts.item"))
     if values.get("nominal", 1.0) <= 0.0:
         yield Breach(f"{variable} has the nominal {values['nominal']:g}; it must be positive.", _NOMINAL)
 

@@ -13,7 +13,7 @@ from ..host.hosted_instance import CallError, HostedInstance, SerializedState
 from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance, take_in_time
 from ..host.process_state import can_read_memory, list_writable_memory, read_memory
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, failed, fmi3, noted, passed, skipped
+from ..verdict import CheckOutcome, Verdict, failed, noted, passed, quote, skipped
 from ._sameness import compare_runs
 from .memory import read_allocated
 
@@ -27,12 +27,7 @@ _HINT = "Copy everything that changes or was set: hidden states, random numbers,
 @check(
     "state.restored",
     "A saved state is restored",
-    Clause(
-        "2.1.8",
-        "fmi2SetFMUstate copies the content of the previously copied FMUstate back and uses it as "
-        "actual new FMU state.",
-        in_3=fmi3("2.2.7.4", "This function restores the state provided by FMUState."),
-    ),
+    quote("state.restored"),
     _HINT,
     needs=("run.deterministic",),
     time_factor=4.0,
@@ -75,16 +70,6 @@ def _run_twice(instance: HostedInstance, course: Experiment, first: int, last: i
     return outcomes
 
 
-_FREED = Clause(
-    "2.1.8",
-    "fmi2FreeFMUstate frees all memory and other resources allocated with the fmi2GetFMUstate call for this "
-    "FMUstate.",
-    in_3=fmi3(
-        "2.2.7.4",
-        "This function frees all memory and other resources allocated with the fmi3GetFMUState call for the "
-        "provided argument FMUState.",
-    ),
-)
 _MAX_SAVES = {True: 500, False: 5000}
 """How often a state is saved again before memory is measured: where the C library counts bytes, and where
 it does not."""
@@ -116,11 +101,7 @@ def _measure_growth(instance: HostedInstance) -> float:
 @check(
     "state.freed",
     "Freeing a state clears its pointer",
-    Clause(
-        "2.1.8",
-        "The function returns a null pointer in argument FMUstate.",
-        in_3=fmi3("2.2.7.4", "The function returns a NULL pointer in argument FMUState."),
-    ),
+    quote("state.freed"),
     "Set *FMUstate to NULL in fmi2FreeFMUstate. Ignore a pointer that is NULL already.",
     needs=("state.restored",),
 )
@@ -138,7 +119,7 @@ def freed(subject: Subject) -> CheckOutcome:
         return failed(
             f"The process grew by {grown:.0f} bytes with each call of fmi2GetFMUstate that was given an "
             "earlier state, although the state was freed then.",
-            clause=_FREED,
+            clause=quote("states.freed"),
         )
     instance.circumstance = " of a NULL pointer"
     instance.free_state(state)
@@ -148,16 +129,7 @@ def freed(subject: Subject) -> CheckOutcome:
 @check(
     "state.serialized",
     "A serialized state is restored",
-    Clause(
-        "2.1.8",
-        "fmi2DeSerializeFMUstate deserializes the byte vector serializedState of length size, constructs "
-        "a copy of the FMU state and returns FMUstate, the pointer to this copy.",
-        in_3=fmi3(
-            "2.2.7.4",
-            "This function deserializes the byte vector serializedState of length size, constructs a copy of "
-            "the FMU state and returns FMUState, the pointer to this copy.",
-        ),
-    ),
+    quote("state.serialized"),
     _HINT + " Check the size and a version before you accept bytes as a state.",
     needs=("state.restored",),
     time_factor=3.0,

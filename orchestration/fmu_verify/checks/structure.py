@@ -7,90 +7,20 @@ from ..check import check
 from ..declarations import Declarations, DeclaredVariable, UnknownList, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, in_both
-from ._clauses import DERIVATIVE
+from ..verdict import CheckOutcome, Clause, quote
+
+_DERIVATIVE = quote("shared.derivative")
 
 _OF_STATES = ("local", "output")
 """Causalities of continuous-time states and event indicators."""
 
-_OUTPUTS = Clause(
-    "2.2.8",
-    "Ordered list of all outputs, in other words a list of ScalarVariable indices where every corresponding "
-    'ScalarVariable must have causality = "output" (and every variable with causality="output" must be '
-    "listed here).",
-    in_3=fmi3(
-        "2.4.8",
-        "Ordered list of all outputs, in other words, a list of value references where every corresponding "
-        "variable must have causality = output (and every variable with causality = output must be listed "
-        "here).",
-    ),
-)
-_DERIVATIVES = Clause(
-    "2.2.8",
-    "Ordered list of all state derivatives, in other words, a list of ScalarVariable indices where every "
-    "corresponding ScalarVariable must be a state derivative.",
-    in_3=fmi3("2.4.8", "Ordered list of value references of all derivatives of continuous states."),
-)
-_DEFINED_STATES = Clause(
-    "2.2.7",
-    "All ScalarVariables listed in this element must have attribute derivative (in order that the "
-    "continuous-time states are uniquely defined).",
-    in_3=fmi3("2.4.7.5", "All variables listed in these elements must have attribute derivative."),
-)
-_STATES = Clause(
-    "2.2.7",
-    '"local": Local variable that is calculated from other variables or is a continuous-time state',
-    in_3=fmi3(
-        "2.4.7.4", "A continuous-time state or an event indicator must have causality = local or output"
-    ),
-)
-_INITIAL = Clause(
-    "2.2.8",
-    'This list consists of all variables with (1) causality = "output" and (initial="approx" or '
-    '"calculated"), and (2) causality = "calculatedParameter" and (3) all continuous-time states and all '
-    'state derivatives [...] with initial="approx" or "calculated"',
-    in_3=fmi3("2.4.8", "Ordered list of all exposed unknowns in InitializationMode."),
-)
-_NO_DUPLICATES = in_both("2.2.8", "2.4.8", "The resulting list is not allowed to have duplicates")
-_ORDER = Clause(
-    "2.2.8",
-    "The Unknowns in this list must be ordered according to their ScalarVariable index (for example, if "
-    "for two variables A and B the ScalarVariable index of A is less than the index of B, then A must "
-    "appear before B in InitialUnknowns).",
-)
-_LOCAL_CLOCKS = fmi3(
-    "2.2.8.2",
-    "Like all local variables, local Clocks must not be used as inputs to other FMUs and must not be listed "
-    "in the ModelStructure.",
-)
-_CLOCKED = fmi3(
-    "2.4.8",
-    "All clocked states must have variability = discrete, must have the attribute clocks, and must not be of "
-    "type fmi3Clock.",
-)
-_PREVIOUS = fmi3(
-    "2.4.8",
-    "Each ClockedState must have the attribute previous to represent the previous value of this "
-    "ClockedState.",
-)
-_MISSING = Clause(
-    "2.2.8",
-    "A ModelExchange FMU must expose all derivatives of its continuous-time states in element Derivatives.",
-    in_3=fmi3(
-        "2.4.8",
-        "A Model Exchange FMU must also expose all derivatives of continuous states in "
-        "<ContinuousStateDerivative> and all event indicators in <EventIndicator>.",
-    ),
-)
-_CONTINUOUS = Clause(
-    "2.2.8",
-    "Note that only continuous Real variables are listed here.",
-    in_3=fmi3("2.4.8", "Note that only continuous floating point variables are listed here."),
-)
-_INDICATORS = fmi3(
-    "2.4.8",
-    "Only continuous variables of type Float32 and Float64 can be referenced by EventIndicator.",
-)
+_OUTPUTS = quote("structure.outputs")
+_DEFINED_STATES = quote("structure.defined_states")
+_STATES = quote("structure.states")
+_INITIAL = quote("structure.initial")
+_CLOCKED = quote("structure.clocked")
+_PREVIOUS = quote("structure.previous")
+_INDICATORS = quote("structure.indicators")
 
 
 @check(
@@ -125,12 +55,12 @@ def derivatives(subject: Subject) -> CheckOutcome:
     problems = [
         *_judge_clocked_states(declared),
         *_judge_event_indicators(declared),
-        *_find_invalid(listed, declared, _DERIVATIVES),
+        *_find_invalid(listed, declared, quote("structure.derivatives")),
         *_judge_derivatives(declared),
         *_find_misdirected(declared),
     ]
     doubts = [
-        Breach(f"{v} is the derivative of {of}, but {listed} lacks it.", _MISSING)
+        Breach(f"{v} is the derivative of {of}, but {listed} lacks it.", quote("structure.missing"))
         for v, of in find_unlisted(declared, subject)
     ]
     return judge_problems(problems, f"{len(listed.unknowns)} state derivatives are listed.", doubts)
@@ -172,7 +102,7 @@ def _judge_derivatives(declared: Declarations) -> Iterator[Problem]:
             message = (
                 f"{variable} is a state derivative, but {variable.variability}, of type {variable.type}."
             )
-            yield Breach(message, _CONTINUOUS)
+            yield Breach(message, quote("structure.continuous"))
     states_by_derivative = {v.index: v.derivative for v in listed.variables if v.derivative is not None}
     for index in find_repeated(states_by_derivative.values()):
         message = f"More than one of {listed} is the derivative of {declared.variable(index) or index}."
@@ -211,13 +141,13 @@ def _find_misdirected(declared: Declarations) -> Iterator[Problem]:
             continue
         if (state := declared.variable(index)) is None:
             message = f"{variable} is the derivative of {declared.describe_missing(index)}."
-            yield Breach(message, DERIVATIVE)
+            yield Breach(message, _DERIVATIVE)
         elif state is variable:
-            yield Breach(f"{variable} is its own derivative.", DERIVATIVE)
+            yield Breach(f"{variable} is its own derivative.", _DERIVATIVE)
         elif not state.is_real:
             yield Breach(
                 f"{variable} is the derivative of {state}, which is of type {state.type}.",
-                DERIVATIVE,
+                _DERIVATIVE,
             )
 
 
@@ -245,7 +175,7 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
     if not problems and declared.version == 2 and swapped:
         before, after = swapped[0]
         message = f"InitialUnknowns has {after} after {before}, which has a greater index."
-        problems.append(Breach(message, _ORDER))
+        problems.append(Breach(message, quote("structure.order")))
     return judge_problems(problems, f"{len(expected)} initial unknowns are listed, in order.")
 
 
@@ -284,10 +214,10 @@ def _find_invalid(listed: UnknownList, declared: Declarations, clause: Clause) -
         if (variable := unknown.variable) is None:
             yield Breach(f"{listed} lists {declared.describe_missing(unknown.index)}.", clause)
         elif variable.type == "Clock" and variable.causality == "local":
-            yield Breach(f"{listed} lists the local Clock {variable}.", _LOCAL_CLOCKS)
+            yield Breach(f"{listed} lists the local Clock {variable}.", quote("structure.local_clocks"))
     for index in find_repeated(listed.indices):
         message = f"{listed} lists {declared.variable(index) or index} more than once."
-        yield Breach(message, _NO_DUPLICATES if clause is _INITIAL else clause)
+        yield Breach(message, quote("structure.no_duplicates") if clause is _INITIAL else clause)
 
 
 def _compare_indices(

@@ -12,58 +12,21 @@ from ..check import check
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, fmi3, skipped
+from ..verdict import CheckOutcome, failed, quote, skipped
 from .description import find_schema_problems
 
-_VALID = Clause(
-    "2.3.2",
-    "The optional directory terminalsAndIcons contains the definition of the Ports and Icons of the FMU as "
-    "defined in the FMI 3.0 Specification, 2.4.9. Terminals and Icons.",
-    in_3=fmi3(
-        "2.4",
-        "Additional optional information about the graphical representation and the grouping of FMU "
-        "variables into terminals is stored in the optional text file "
-        "terminalsAndIcons/terminalsAndIcons.xml in XML format as specified by the XML schema file "
-        "fmi3TerminalsAndIcons.xsd.",
-    ),
-)
-_VERSION = fmi3(
-    "2.4.9",
-    "Starting with FMI 3.0, this fmiVersion attribute must match the fmiVersion attribute of element "
-    "fmiModelDescription of the modelDescription.xml file.",
-)
-_UNIQUE = fmi3("2.4.9.2.2", "The terminal name must be unique on each level.")
-_VARIABLE = fmi3(
-    "2.4.9.2.3",
-    "The normalized string variableName identifies a variable in ModelVariables which is actually connected "
-    "and for which fmi3Get{VariableType} and fmi3Set{VariableType} is called.",
-)
-_MEMBER = fmi3(
-    "2.4.9.2.3",
-    "Therefore, the memberName attribute is required for plug and bus and must be unique per terminal.",
-)
-_STREAM = fmi3(
-    "2.4.9.2.4",
-    "The attribute inStreamVariableName and outStreamVariableName are used to identify the ModelVariables.",
-)
-_PNG = fmi3("2.4.9.2.5", "The PNG file with the extension '.png' has to be provided.")
-_ICON = fmi3(
-    "2.4.9.1.3",
-    "The optional image file of the FMU icon is placed at the path terminalsAndIcons/icon.png in the ZIP "
-    "archive of the FMU.",
-)
-_SVG = fmi3(
-    "2.4.9.1.3",
-    "Optionally an SVG file with path terminalsAndIcons/icon.svg can be provided if also the PNG file is "
-    "present.",
-)
+_VERSION = quote("terminals.version")
+_VARIABLE = quote("terminals.variable")
+_MEMBER = quote("terminals.member")
+_STREAM = quote("terminals.stream")
+_SVG = quote("terminals.svg")
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 
 
 @check(
     "description.terminals",
     "Terminals are valid",
-    _VALID,
+    quote("terminals.valid"),
     "Name variables of the model description, each terminal of a level once, and each of its members once. "
     "Ship the images.",
     needs=("description.schema",),
@@ -94,7 +57,7 @@ def terminals(subject: Subject) -> CheckOutcome:
 
 def _judge_level(level: list[Any], names: set[str]) -> Iterator[Problem]:
     for name in find_repeated(e.get("name") for e in level):
-        yield Breach(f"More than one terminal has the name {name}.", _UNIQUE)
+        yield Breach(f"More than one terminal has the name {name}.", quote("terminals.unique"))
     for terminal in level:
         members = terminal.findall("TerminalMemberVariable")
         for member in members:
@@ -121,11 +84,11 @@ def _judge_images(root: Any, folder: Path) -> Iterator[Problem]:
     icon = folder / "icon.png"
     if not icon.is_file() and (folder / "icon.svg").is_file():
         yield Breach("The FMU has terminalsAndIcons/icon.svg, but no icon.png beside it.", _SVG)
-    images = [(icon, _ICON)] if icon.is_file() else []
+    images = [(icon, quote("terminals.icon"))] if icon.is_file() else []
     for shape in root.iterfind("Terminals//TerminalGraphicalRepresentation"):
         source = urlsplit(shape.get("iconBaseName"))
         if not (source.scheme or source.netloc):
-            images.append((folder / f"{unquote(source.path)}.png", _PNG))
+            images.append((folder / f"{unquote(source.path)}.png", quote("terminals.png")))
     for image, clause in dict.fromkeys(images):
         if not image.resolve().is_relative_to(folder.parent.resolve()) or not image.is_file():
             yield Breach(f"The image {image.relative_to(folder.parent)} is not in the FMU.", clause)

@@ -16,7 +16,7 @@ from ..host.experiment import make_experiment, read_span
 from ..host.hosted_instance import CallError, HostedInstance
 from ..messages import Breach, Problem, join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, fmi3, passed, skipped, warned
+from ..verdict import CheckOutcome, passed, quote, skipped, warned
 
 _SAME = 1e-9
 """Relative difference of intervals that counts."""
@@ -24,26 +24,8 @@ _SAME = 1e-9
 _MOST = 300
 """Most clocked variables that a check reads."""
 
-_CONSTANT = fmi3(
-    "2.2.8.2",
-    "is a time-based periodic clock that defines its intervalDecimal and optionally intervalCounter, "
-    "shiftCounter and shiftDecimal in the modelDescription.xml.",
-)
-_DECLARED = fmi3(
-    "2.2.8.2",
-    "If the function is not called the value given in intervalDecimal and intervalCounter is used.",
-)
-_ACTIVE = fmi3(
-    "2.2.8.3",
-    "Clocked variables v_k can acquire new values and can be queried only when their Clock k is active, "
-    "except during Initialization Mode.",
-)
-_ALLOWED = fmi3(
-    "2.2.7.2",
-    "In addition to those state-specific restrictions, setting and getting of clocked variables is only "
-    "allowed during Event Mode when their respective Clocks are active, and during Initialization Mode "
-    "irrespective of Clock activation status.",
-)
+_DECLARED = quote("ticks.declared")
+_ACTIVE = quote("ticks.active")
 
 
 @check(
@@ -62,7 +44,7 @@ def intervals(subject: Subject) -> CheckOutcome:
     instance, problems, answer_count = HostedInstance(subject), list[Problem](), 0
     instance.begin_initialization(read_span(subject)[0])
     for clock in clocks:
-        clause = _CONSTANT if clock.kind == "constant" else _DECLARED
+        clause = quote("ticks.constant") if clock.kind == "constant" else _DECLARED
         answers = (
             ("interval", clock.interval, _read_interval(instance, "fmi3GetIntervalDecimal", clock)),
             ("shift", clock.shift, _read_interval(instance, "fmi3GetShiftDecimal", clock)),
@@ -135,7 +117,7 @@ def ticks(subject: Subject) -> CheckOutcome:
         return judge_problems([Breach(text, _ACTIVE) for text in changed.values()], "", gaps=gaps)
     if readable:
         message = f"{join_few_names([str(v.name) for v in readable])} can be read while no Clock ticks."
-        return warned(message, clause=_ALLOWED, gaps=gaps)
+        return warned(message, clause=quote("ticks.allowed"), gaps=gaps)
     message = format_count(len(variables), "clocked variable", "clocked variables")
     return passed(f"{message} can be read only while a Clock ticks.", gaps=gaps)
 

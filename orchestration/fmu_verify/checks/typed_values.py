@@ -19,8 +19,7 @@ from ..host.process_state import load_c_library
 from ..messages import judge_problems, list_left_out, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, fmi3, skipped
-from ._clauses import ENUMERATION
+from ..verdict import CheckOutcome, quote, skipped
 
 _STEPS = 60
 _STEPS_PER_CHANGE = 7
@@ -33,11 +32,7 @@ _TIME_FRACTION = 0.5
 @check(
     "values.booleans",
     "Booleans are fmi2True or fmi2False",
-    Clause(
-        "2.1.2",
-        "Data type for Boolean numbers (only two values: fmi2False, fmi2True)",
-        in_3=fmi3("fmi3PlatformTypes.h", "Data type to be used with fmi3True and fmi3False"),
-    ),
+    quote("values.booleans"),
     "Return 0 or 1: hosts compare with fmi2True.",
     needs=("run.completes",),
 )
@@ -49,12 +44,7 @@ def booleans(subject: Subject) -> CheckOutcome:
 @check(
     "values.enumerations",
     "Enumerations are items of their types",
-    Clause(
-        "2.2.3",
-        "The values can be any integer number but must be unique within the same enumeration (in order that "
-        'the mapping between "name" and "value" is bijective).',
-        in_3=ENUMERATION,
-    ),
+    quote("values.enumerations"),
     "Add an item for the value to the SimpleType, or return another one.",
     needs=("run.completes",),
 )
@@ -159,11 +149,7 @@ class _VaryingRun:
 @check(
     "values.strings",
     "Strings are valid",
-    Clause(
-        "2.1.2",
-        r"Data type for character strings ('\0' terminated, UTF8 encoded)",
-        in_3=fmi3("fmi3PlatformTypes.h", r"Data type for character strings ('\0' terminated, UTF-8 encoded)"),
-    ),
+    quote("values.strings"),
     "Return a pointer to UTF-8 text that lives at least until the next call of the FMU; never NULL.",
     needs=("run.completes",),
 )

@@ -6,29 +6,9 @@ from ..check import check
 from ..declarations import Declarations, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3
+from ..verdict import CheckOutcome, quote
 
-_UNIQUE = Clause(
-    "2.2.3",
-    "Attribute “name” must be unique with respect to all other elements of the TypeDefinitions list.",
-    in_3=fmi3("2.4.4", "The unique name of the variable type referenced using the attribute declaredType."),
-)
-_NO_VARIABLE = Clause(
-    "2.2.3",
-    "“name” of a “SimpleType” must be different to all “name” attributes of ScalarVariables",
-    in_3=fmi3("2.4.4", "This attribute must be different to all name attributes of variables"),
-)
-_DEFINED = Clause(
-    "2.2.7",
-    "If present, name of type defined with TypeDefinitions / SimpleType.",
-    in_3=fmi3("2.4.7.5", "If present, name of type defined with <TypeDefinitions><TypeDefinition>."),
-)
-_ITEMS = Clause(
-    "2.2.3",
-    "The values can be any integer number but must be unique within the same enumeration (in order that the "
-    "mapping between “name” and “value” is bijective).",
-    in_3=fmi3("2.4.4", "name and value must be unique within the same <EnumerationType>."),
-)
+_DEFINED = quote("types.defined")
 
 
 @check(
@@ -45,7 +25,7 @@ def types(subject: Subject) -> CheckOutcome:
     problems += [
         Breach(
             f"More than one item of the enumeration {type_.name} has the {attribute} {repeated}.",
-            _ITEMS,
+            quote("types.items"),
         )
         for type_ in declared.types
         for attribute in ("name", "value")
@@ -57,12 +37,12 @@ def types(subject: Subject) -> CheckOutcome:
 def _judge_names(declared: Declarations) -> Iterator[Problem]:
     variables = {v.name for v in declared.variables}
     for name in find_repeated(t.name for t in declared.types):
-        yield Breach(f"More than one {_name_kind(declared)} has the name {name}.", _UNIQUE)
+        yield Breach(f"More than one {_name_kind(declared)} has the name {name}.", quote("types.unique"))
     for type_ in declared.types:
         if type_.name in variables:
             yield Breach(
                 f"The {_name_kind(declared)} {type_.name} has the name of a variable.",
-                _NO_VARIABLE,
+                quote("types.no_variable"),
             )
 
 

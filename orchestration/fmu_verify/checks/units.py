@@ -16,52 +16,15 @@ from ..check import check
 from ..declarations import Declarations, DeclaredUnit, DeclaredVariable, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3
-from ._clauses import DERIVATIVE
+from ..verdict import CheckOutcome, quote
 
 _RAD = BASE_UNITS.index("rad")
 
-_UNIQUE = Clause(
-    "2.2.2",
-    "which must be unique with respect to all other defined elements of the UnitDefinitions list.",
-    in_3=fmi3("2.4.3", "The name of a Unit must be unique with respect to all other <Unit> elements."),
-)
-_UNIQUE_DISPLAY = Clause(
-    "2.2.2",
-    "The attribute name must be unique with respect to all other names of the DisplayUnit definitions of the "
-    "same Unit",
-    in_3=fmi3(
-        "2.4.3",
-        "The attribute name must be unique with respect to all other names of the <DisplayUnit> definitions "
-        "of the same Unit.",
-    ),
-)
-_DEFINED = Clause(
-    "2.2.3",
-    "Unit of the variable defined with UnitDefinitions.Unit.name that is used for the model equations. "
-    '[For example, "N.m": in this case a Unit.name = "N.m" must be present under UnitDefinitions.',
-    in_3=fmi3(
-        "2.4.7.5",
-        "This attribute defines the unit of the variable by referencing a <UnitDefinitions><Unit> with the "
-        "same name, which must exist.",
-    ),
-)
-_NO_UNIT = Clause(
-    "2.2.3",
-    "It is an error if displayUnit is defined in element Real, but unit is not, or unit is not defined under "
-    "<UnitDefinitions><Unit>.",
-    in_3=fmi3("2.4.7.5", "If displayUnit is defined a unit must also be defined."),
-)
-_CONVERTED = Clause(
-    "2.2.2",
-    "Optionally, a value given in unit Unit can be converted to a value with respect to unit BaseUnit "
-    "utilizing the conversion factor and offset attributes:",
-    in_3=fmi3(
-        "2.4.3",
-        "A value v_unit in Unit is converted to a value v_display in DisplayUnit by the equation:",
-    ),
-)
-_INVERSE = fmi3("2.4.3", "inverse = true is only allowed if offset = 0.")
+_UNIQUE_DISPLAY = quote("units.unique_display")
+_DEFINED = quote("units.defined")
+_NO_UNIT = quote("units.no_unit")
+_CONVERTED = quote("units.converted")
+_INVERSE = quote("units.inverse")
 
 
 @check(
@@ -80,7 +43,7 @@ def defined(subject: Subject) -> CheckOutcome:
 
 def _find_repeated_units(declared: Declarations) -> Iterator[Problem]:
     for name in find_repeated(u.name for u in declared.units):
-        yield Breach(f"The unit {name} is defined more than once.", _UNIQUE)
+        yield Breach(f"The unit {name} is defined more than once.", quote("units.unique"))
     for unit in declared.units:
         for name in find_repeated(d["name"] for d in unit.display):
             yield Breach(f"The unit {unit.name} has more than one display unit {name}.", _UNIQUE_DISPLAY)
@@ -166,7 +129,7 @@ def _find_contradictions(unit: DeclaredUnit) -> Iterator[str]:
 @check(
     "units.derivatives",
     "A derivative has the unit of its variable per second",
-    DERIVATIVE,
+    quote("shared.derivative"),
     "Set the unit of the derivative to that of its variable divided by `s`, with the same factor.",
     needs=("units.consistent", "structure.derivatives"),
 )

@@ -20,16 +20,9 @@ from ..host.other_values import (
 )
 from ..messages import Breach, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, in_both, skipped
-from ._clauses import KEEP_VALUES
+from ..verdict import CheckOutcome, quote, skipped
 from .states import restore_bytes, save_bytes
 
-_EXACT = Clause(
-    "2.2.7",
-    "The variable is initialized with the start value (provided under Real, Integer, Boolean, String or "
-    "Enumeration).",
-    in_3=fmi3("2.4.7.5", "exact: The variable is initialized with the start value by the FMU."),
-)
 _MAX_SHIFT_OF_ZERO = 1e-6
 
 _VALUES_REFUSED = "It refuses other valid values of its parameters and inputs, or does not return with them."
@@ -39,13 +32,7 @@ _NO_OTHER_VALUES = "It has no parameter and no input with another valid value."
 @check(
     "values.start",
     "Variables have their start values",
-    Clause(
-        "2.2.7",
-        "This value is also stored in the C functions.",
-        in_3=fmi3(
-            "2.4.7.5", "During instantiation, the FMU initializes its variables with their start values."
-        ),
-    ),
+    quote("values.start"),
     "Generate the model description and the library from the same values.",
     needs=("run.completes",),
 )
@@ -70,7 +57,7 @@ def starts(subject: Subject) -> CheckOutcome:
     return judge_problems(
         [text for name, text in messages.items() if name in certain],
         f"{len(variables)} variables have their start values.",
-        [Breach(text, _EXACT) for name, text in messages.items() if name not in certain],
+        [Breach(text, quote("values.exact")) for name, text in messages.items() if name not in certain],
         list_left_out(len(variables), len(all_variables), "variables were compared with their start values."),
     )
 
@@ -95,12 +82,7 @@ def read_values(instance: HostedInstance, names: Sequence[str]) -> Values:
 @check(
     "values.kept",
     "Values that are set are kept",
-    Clause(
-        "2.1.7",
-        "Set parameters, inputs, and start values, and re-initialize caching of variables that depend on "
-        "these variables",
-        in_3=KEEP_VALUES,
-    ),
+    quote("values.kept"),
     "Store the value in fmi2SetXXX, or return fmi2Discard or fmi2Error if it cannot be taken.",
     needs=("run.completes",),
     time_factor=2.0,
@@ -139,7 +121,7 @@ def _list_unjudged(subject: Subject, count: int, tunable: bool = False) -> tuple
 @check(
     "values.reset",
     "Reset restores the values of parameters and inputs",
-    in_both("2.1.6", "2.3.1", "All variables have their default values."),
+    quote("values.reset"),
     "fmi2Reset must set every parameter and input to its start value.",
     needs=("run.completes",),
     time_factor=2.0,
@@ -188,18 +170,7 @@ def judge_unchanged(subject: Subject, read_values_after: Any, when: str) -> Chec
 @check(
     "values.state",
     "A saved state has the values of parameters, inputs and outputs",
-    Clause(
-        "2.1.8",
-        "This internal state consists especially of the values of the continuous-time states, iteration "
-        "variables, parameter values, input values, delay buffers, file identifiers, and FMU internal status "
-        "information.",
-        in_3=fmi3(
-            "2.2.7.4",
-            "This internal state consists especially of the values of the continuous states, iteration "
-            "variables, parameter values, input values, delay buffers, file identifiers, and FMU internal "
-            "status information.",
-        ),
-    ),
+    quote("values.state"),
     "Copy parameters and inputs of all types into the state, also Booleans and Strings.",
     needs=("state.restored",),
     time_factor=3.0,

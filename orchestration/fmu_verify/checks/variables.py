@@ -8,7 +8,7 @@ from ..check import check
 from ..declarations import Declarations, DeclaredVariable, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, in_both
+from ..verdict import CheckOutcome, quote
 
 _NONDIGIT = "_a-zA-Z"
 _QUOTED = r"'(?:[_a-zA-Z0-9!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
@@ -16,86 +16,23 @@ _PART = rf"(?:[{_NONDIGIT}][{_NONDIGIT}0-9]*|{_QUOTED})(?:\[[0-9]+(?:,[0-9]+)*\]
 _IDENTIFIER = rf"{_PART}(?:\.{_PART})*"
 _STRUCTURED = re.compile(rf"{_IDENTIFIER}|der\({_IDENTIFIER}(?:,[0-9]+)?\)")
 
-_GRAMMAR = Clause(
-    "2.2.9",
-    'name = identifier | "der(" identifier ["," unsignedInteger ] ")"',
-    in_3=fmi3("2.4.7.5.1", 'name            = identifier | "der(" identifier ["," unsignedInteger ] ")"'),
-)
-_CONTINUOUS = Clause(
-    "2.2.7",
-    "Only a variable of type = “Real” can be “continuous”.",
-    in_3=fmi3("2.4.7.4", "Only variables of type Float32 or Float64 may be continuous."),
-)
-_ONE_INDEPENDENT = Clause(
-    "2.2.7",
-    'At most one ScalarVariable of an FMU can be defined as "independent".',
-    in_3=fmi3("2.4.7.4", "Exactly one variable of an FMU must be defined as independent."),
-)
-_INDEPENDENT = fmi3(
-    "2.4.7.4", "The independent variable must be defined as a floating point type without a start attribute."
-)
-_INITIAL = Clause(
-    "2.2.7",
-    "If initial is not present, it is defined by the table below based on causality and variability.",
-    in_3=fmi3(
-        "2.4.7.5",
-        "If initial is not present in a type that can have that attribute, its value is defined by "
-        "[...] based on the values of causality and variability",
-    ),
-)
-_REFERENCES = fmi3("2.4.7.4", "The valueReference must be unique for all variables of an FMU.")
-_INTERMEDIATE = fmi3("2.4.7.4", "Only continuous-time variables can have intermediateUpdate = true.")
-_MULTIPLE_SETS = Clause(
-    "fmi2ScalarVariable.xsd",
-    'Only for ModelExchange and only for variables with variability = "input":',
-    in_3=fmi3("2.4.7.4", "Only for variables with causality = input."),
-)
-_REINIT = Clause(
-    "2.2.7",
-    "Can only be present for a continuous-time state.",
-    in_3=fmi3("2.4.7.5", "May only be present for a continuous-time state."),
-)
-_MODEL_EXCHANGE = Clause(
-    "2.2.7", "Only for ModelExchange (if only CoSimulation FMU, this attribute must not be present."
-)
-_ONE_START = Clause(
-    "2.2.7",
-    'At most one variable of the same alias set of variables with variability ≠ "constant" can have a start '
-    "attribute.",
-    in_3=fmi3("2.4.7.4", "The valueReference must be unique for all variables of an FMU."),
-)
-_SETTABLE = Clause(
-    "2.2.7",
-    "Variables a and b that can both be set with fmi2SetXXX, or variable a that can be set with fmiSetXXX "
-    'and variable b that is defined with causality = "independent", cannot be alias variables',
-)
-_CONSTANT = Clause(
-    "2.2.7",
-    'A variable with variability = "constant" can only be aliased to another variable with variability = '
-    '"constant".',
-)
-_SAME_CONSTANT = Clause(
-    "2.2.7",
-    "It is then required that the start values of all aliased (constant) variables are identical.",
-)
+_ONE_INDEPENDENT = quote("variables.one_independent")
+_INDEPENDENT = quote("variables.independent")
+_INITIAL = quote("variables.initial")
+_REFERENCES = quote("variables.references")
+_INTERMEDIATE = quote("variables.intermediate")
+_REINIT = quote("variables.reinit")
+_MODEL_EXCHANGE = quote("variables.model_exchange")
+_ONE_START = quote("variables.one_start")
+_SETTABLE = quote("variables.settable")
 _ORDER = ("constant", "fixed", "tunable", "discrete", "continuous")
-_HIGHEST = Clause(
-    "2.2.7",
-    "In case of different variability among the set of alias variables, and if that set of aliases does not "
-    "contain an input or parameter, the variability should be the highest of the variables in the set, e.g. "
-    "continuous > discrete > tunable >fixed.",
-)
-_SAME_UNIT = Clause(
-    "2.2.7",
-    "All variables of the same alias set must all have either no <Unit> element defined, or all of them must "
-    "have the same <Unit name> and the same <Unit><BaseUnit> definitions.",
-)
+_SAME_UNIT = quote("variables.same_unit")
 
 
 @check(
     "variables.names",
     "Variables have unique names",
-    in_both("2.2.9", "2.4.7.5.1", "The names must be unique, non-empty strings."),
+    quote("variables.names"),
     "Rename them. With variableNamingConvention `flat`, every name is allowed.",
     needs=("description.schema",),
 )
@@ -108,7 +45,7 @@ def names(subject: Subject) -> CheckOutcome:
     problems += [f"Variable {i} has no name." for i, name in enumerate(all_names, start=1) if not name]
     if subject.tree.get("variableNamingConvention") == "structured":
         problems += [
-            Breach(f"{name} is not a structured name.", _GRAMMAR)
+            Breach(f"{name} is not a structured name.", quote("variables.grammar"))
             for name in all_names
             if name and not _STRUCTURED.fullmatch(name)
         ]
@@ -118,14 +55,7 @@ def names(subject: Subject) -> CheckOutcome:
 @check(
     "variables.attributes",
     "Attributes of variables are compatible",
-    Clause(
-        "2.2.7",
-        "The following combinations of variability/causality settings are allowed:",
-        in_3=fmi3(
-            "2.4.7.4",
-            "Allowed combinations of causality and variability and their semantics are defined in [...]",
-        ),
-    ),
+    quote("variables.attributes"),
     "The tables in section 2.2.7 list the combinations. The default of variability is `continuous`.",
     needs=("description.schema",),
 )
@@ -157,7 +87,7 @@ def _find_impossible(variable: DeclaredVariable) -> Iterator[Problem]:
     if variable.variability == "continuous" and not variable.is_real:
         only = "Float32 and Float64" if variable.version == 3 else "a Real"
         message = f"{variable} is continuous, but of type {variable.type}; only {only} can be."
-        yield Breach(message, _CONTINUOUS)
+        yield Breach(message, quote("variables.continuous"))
 
 
 def _judge_version_3(declared: Declarations, independent: Sequence[str]) -> Iterator[Problem]:
@@ -179,7 +109,7 @@ def _find_set_once(declared: Declarations) -> Iterator[Problem]:
     for variable in declared.variables:
         if variable.multiple_sets in ("false", "0") and variable.causality != "input":
             message = f"{variable} has canHandleMultipleSetPerTimeInstant = false, but is"
-            yield Breach(f"{message} {_add_article(variable.causality)}.", _MULTIPLE_SETS)
+            yield Breach(f"{message} {_add_article(variable.causality)}.", quote("variables.multiple_sets"))
 
 
 def _find_reinitialized(declared: Declarations) -> Iterator[Problem]:
@@ -244,7 +174,7 @@ def _find_lower_variability(alias_set: Sequence[DeclaredVariable]) -> Iterator[P
     for lower in alias_set:
         if lower.causality == "output" and "constant" != lower.variability != highest.variability:
             message = f"{lower} is {lower.variability}, but {highest} with the same value reference is"
-            yield Breach(f"{message} {highest.variability}.", _HIGHEST)
+            yield Breach(f"{message} {highest.variability}.", quote("variables.highest"))
 
 
 def _judge_aliases(alias_set: Sequence[DeclaredVariable]) -> Iterator[Problem]:
@@ -261,12 +191,12 @@ def _judge_aliases(alias_set: Sequence[DeclaredVariable]) -> Iterator[Problem]:
     if constant and len(constant) < len(alias_set):
         yield Breach(
             f"{label} have the same value reference, but only some of them are constant.",
-            _CONSTANT,
+            quote("variables.constant"),
         )
     elif len({v.start for v in constant}) > 1:
         yield Breach(
             f"{label} have the same value reference, but different constant values.",
-            _SAME_CONSTANT,
+            quote("variables.same_constant"),
         )
     if started and any(v.causality == "independent" for v in alias_set):
         yield Breach(f"{started[0]} has the value reference of the independent variable.", _SETTABLE)

@@ -26,26 +26,17 @@ from emla_cosim.stepper.event_layout import (
 )
 from emla_cosim.stepper.library import require_stepper
 
-from ..verdict import NotRunError, fmi3
+from ..verdict import NotRunError, quote
 from .integration import RunEndedError
 
 if TYPE_CHECKING:
     from .hosted_instance import HostedInstance
 
-NO_EARLY_RETURN = fmi3(
-    "4.2.1",
-    "earlyReturn = fmi3True is only allowed if earlyReturnAllowed = fmi3True in fmi3InstantiateCoSimulation.",
-)
-_INTERVAL = fmi3(
-    "2.2.8.2", "The next Clock tick at time instant t_i is defined as: t_i := t_(i-1) + T_interval,i"
-)
+NO_EARLY_RETURN = quote("event_mode.no_early_return")
+_INTERVAL = quote("event_mode.interval")
 _CLAUSES = {
-    Problem.WRONG_TIME: fmi3("4.2.1", "The time reached is specified in lastSuccessfulTime."),
-    Problem.NO_EVENT_TIME: fmi3(
-        "2.3.5",
-        "When nextEventTimeDefined = fmi3True, the next time event is known and nextEventTime has a valid "
-        "value.",
-    ),
+    Problem.WRONG_TIME: quote("event_mode.reached"),
+    Problem.NO_EVENT_TIME: quote("event_mode.next_event_time"),
     Problem.WRONG_INTERVAL: _INTERVAL,
     Problem.WRONG_SHIFT: _INTERVAL,
 }

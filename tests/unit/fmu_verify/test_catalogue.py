@@ -1,8 +1,11 @@
 """All checks are described in the same way, and quote the standard."""
 
+import json
 import re
 from importlib.resources import files
+from pathlib import Path
 
+import fmu_verify
 from fmu_verify.catalogue import CHECKS, RECORDED
 
 
@@ -36,3 +39,11 @@ def test_schema_files_are_quoted_verbatim() -> None:
     for check in (c for c in CHECKS if c.clause.section.endswith(".xsd")):
         schema = files("fmpy").joinpath("schema", "fmi2", check.clause.section)
         assert check.clause.sentence in schema.read_text(encoding="utf-8"), check.name
+
+
+def test_quotations_are_those_that_checks_name() -> None:
+    """A name without a quotation would end a check only when it reports this fault."""
+    folder = Path(fmu_verify.__file__).parent
+    sources = [path.read_text(encoding="utf-8") for path in folder.rglob("*.py")]
+    names = {name for text in sources for name in re.findall(r'quote\("([\w.]+)"\)', text)}
+    assert names == json.loads((folder / "quotations.json").read_text(encoding="utf-8")).keys()
