@@ -3,11 +3,15 @@
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib import import_module
+from importlib.resources import files
 from typing import Any
 
+import msgspec
+
 from .terms import say_in_catalogue
-from .verdict import CheckOutcome, Clause
+from .verdict import CheckOutcome, Clause, quote
 
 Examine = Callable[[Any], CheckOutcome]
 """The function of a check. Takes a `Subject` or a `WholeSystem`."""
@@ -61,8 +65,22 @@ class Check:
         return " ".join(inspect.cleandoc(self.examine.__doc__ or "").partition("\n\n")[0].split())
 
 
-def check(name: str, title: str, clause: Clause, hint: str, **more: Any) -> Callable[[Examine], Check]:
-    """Decorate a function as a check. `Check` describes the arguments."""
+@cache
+def _read_texts() -> dict[str, tuple[str, str]]:
+    content = (files(__package__ or "") / "checks.json").read_bytes()
+    return msgspec.json.decode(content, type=dict[str, tuple[str, str]])
+
+
+def check(
+    name: str, title: str = "", clause: Clause | None = None, hint: str = "", **more: Any
+) -> Callable[[Examine], Check]:
+    """Decorate a function as a check. `Check` describes the arguments.
+
+    By default, title and hint are those in checks.json, and the clause is that in quotations.json.
+    """
+    if not title:
+        title, hint = _read_texts()[name]
+    clause = clause or quote(name)
     return lambda examine: Check(name, title, clause, hint, examine, **more)
 
 

@@ -49,12 +49,7 @@ _SIZE_BEHIND_DATA = 1 << 3
 _LFS = b"version https://git-lfs.github.com/spec/"
 
 
-@check(
-    "archive.safe",
-    "The archive can be unpacked safely",
-    quote("archive.safe"),
-    "Zip the FMU again with a tool that writes each entry once, with a relative name and forward slashes.",
-)
+@check("archive.safe")
 def safe(subject: Subject) -> CheckOutcome:
     """Check that it is a complete zip file with all entries inside its folder. Unpack it there."""
     if not subject.path.is_file():
@@ -114,13 +109,7 @@ def _find_colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
     ]
 
 
-@check(
-    "archive.format",
-    "Every zip tool can read the archive",
-    quote("archive.format"),
-    "Zip the FMU's folder with the method `deflate`.",
-    needs=("archive.safe",),
-)
+@check("archive.format", needs=("archive.safe",))
 def format_(subject: Subject) -> CheckOutcome:
     """Check that entries are stored or deflated and need no version of the format newer than 2.0."""
     with zipfile.ZipFile(subject.path) as archive:
@@ -143,13 +132,7 @@ def format_(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, f"{len(entries)} entries are stored or deflated.", doubts)
 
 
-@check(
-    "archive.layout",
-    "Files are in the folders of the standard",
-    quote("archive.layout"),
-    "Zip the content of the FMU's folder, not the folder. Put other data into `resources` or `extra`.",
-    needs=("description.readable",),
-)
+@check("archive.layout", needs=("description.readable",))
 def layout(subject: Subject) -> CheckOutcome:
     """Check that the top folder has only the entries of the standard, and files have its names."""
     unknown = sorted(p.name for p in subject.folder.iterdir() if p.name not in _STANDARD_ENTRIES)
@@ -200,13 +183,7 @@ def _describe_error(error: Exception) -> str:
     return shorten_sentence(message or type(error).__name__).rstrip(".")
 
 
-@check(
-    "documents.present",
-    "The documentation has a start page",
-    quote("documents.present"),
-    "Write documentation/index.html, which may only link to the other files.",
-    needs=("description.readable",),
-)
+@check("documents.present", needs=("description.readable",))
 def documents(subject: Subject) -> CheckOutcome:
     """Check that documentation has its start page. Documentation and a licence are optional."""
     folder = subject.folder / "documentation"

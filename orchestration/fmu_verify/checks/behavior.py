@@ -37,14 +37,7 @@ _MARGIN = 0.05
 """Allowed distance from the derivatives at both ends of a step, relative to the largest."""
 
 
-@check(
-    "steps.integrate",
-    "Steps integrate the declared derivatives",
-    quote("steps.integrate"),
-    "Let fmi2DoStep integrate the equations that fmi2GetReal evaluates, with the inputs that were set.",
-    needs=("run.finite",),
-    time_factor=2.0,
-)
+@check("steps.integrate", needs=("run.finite",), time_factor=2.0)
 def integrate(subject: Subject) -> CheckOutcome:
     """Compare slopes of states with their derivatives in runs with constant inputs, one moved in each."""
     if subject.kinds[0] != "CoSimulation":
@@ -123,14 +116,7 @@ def _compute_wrong_fraction(x: Vector, slopes: Vector, points: Vector) -> float:
     )
 
 
-@check(
-    "exchange.inputs",
-    "Inputs have an effect",
-    quote("shared.indices"),
-    "Use the input in the equations, or remove it from the dependencies of outputs and derivatives.",
-    needs=("run.deterministic",),
-    time_factor=2.0,
-)
+@check("exchange.inputs", clause=quote("shared.indices"), needs=("run.deterministic",), time_factor=2.0)
 def inputs(subject: Subject) -> CheckOutcome:
     """Check that an input changes something, if outputs or derivatives are declared to depend on one."""
     variables = [v for v in list_settable(subject, "input", most=None) if choose_other(v) is not None]
@@ -296,14 +282,7 @@ def _list_dependencies(subject: Subject) -> set[str]:
     return {v.name for u in unknowns if u.dependencies for v in u.dependencies}
 
 
-@check(
-    "exchange.interpolation",
-    "Derivatives of inputs have an effect",
-    quote("exchange.interpolation"),
-    "Use the derivatives within the step, or set canInterpolateInputs to false.",
-    needs=("run.deterministic",),
-    only_for=2,
-)
+@check("exchange.interpolation", needs=("run.deterministic",), only_for=2)
 def interpolation(subject: Subject) -> CheckOutcome:
     """Check that a derivative of the inputs changes a run in which other inputs would change it."""
     if subject.kinds[0] != "CoSimulation" or not subject.has_capability("canInterpolateInputs"):

@@ -34,13 +34,7 @@ _THIS_PLATFORM = (fmpy.platform_tuple, fmpy.platform)
 _NAME = quote("binaries.name")
 
 
-@check(
-    "binaries.present",
-    "Binaries or sources exist",
-    quote("binaries.present"),
-    "Put `<modelIdentifier>.so`, `.dll` or `.dylib` into `binaries/<platform>`.",
-    needs=("description.schema",),
-)
+@check("binaries.present", needs=("description.schema",))
 def present(subject: Subject) -> CheckOutcome:
     """Check that there is a library for this or another platform, or sources, with the model's name."""
     libraries = list_libraries(subject)
@@ -105,13 +99,7 @@ def _has_similar_name(path: Path, names: set[str]) -> bool:
     return any(name.casefold() in (stem, stem.removeprefix("lib")) for name in names)
 
 
-@check(
-    "binaries.symbols",
-    "Libraries export all functions",
-    quote("binaries.symbols"),
-    "Export them without a prefix. Functions of unsupported capabilities may return fmi2Error.",
-    needs=("binaries.present",),
-)
+@check("binaries.symbols", needs=("binaries.present",))
 def symbols(subject: Subject) -> CheckOutcome:
     """Check that each library exports every FMI function for the kinds of the FMU."""
     libraries = [
@@ -145,13 +133,7 @@ def _find_missing_functions(library: Library, version: int) -> Iterator[str]:
         yield f"{library} does not export {join_few_names(missing_names)}."
 
 
-@check(
-    "binaries.loads",
-    "The library can be loaded here",
-    quote("binaries.loads"),
-    "`ldd` lists what a library needs. Link it statically, or ship it and set the RPATH to $ORIGIN.",
-    needs=("binaries.platform", "binaries.symbols"),
-)
+@check("binaries.loads", needs=("binaries.platform", "binaries.symbols"))
 def loads(subject: Subject) -> CheckOutcome:
     """Check that the system can load the library for this platform."""
     libraries = [candidate for candidate in list_libraries(subject) if candidate.platform in _THIS_PLATFORM]

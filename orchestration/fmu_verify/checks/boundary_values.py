@@ -11,19 +11,13 @@ from ..host.instance_runs import list_outputs, step_instance
 from ..host.other_values import are_same, choose_other, format_value
 from ..messages import judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, quote, skipped
+from ..verdict import CheckOutcome, skipped
 
 _STEPS = 5
 _MAX_VARIABLES = 300
 
 
-@check(
-    "values.initial",
-    "Outputs are finite in initialization mode",
-    quote("values.initial"),
-    "Compute outputs in initialization mode from start values and inputs: hosts read them to solve loops.",
-    needs=("run.finite",),
-)
+@check("values.initial", needs=("run.finite",))
 def initial(subject: Subject) -> CheckOutcome:
     """Read outputs in initialization mode; those of Clocks may begin with the first tick."""
     instance, course = HostedInstance(subject), make_experiment(subject, 1)
@@ -42,13 +36,7 @@ def initial(subject: Subject) -> CheckOutcome:
     return judge_problems((), f"{len(names)} outputs are finite in initialization mode.", warnings, gaps)
 
 
-@check(
-    "values.final",
-    "Values stay after the end of a run",
-    quote("values.final"),
-    "Keep all values in fmi2Terminate; free them in fmi2FreeInstance.",
-    needs=("run.finite",),
-)
+@check("values.final", needs=("run.finite",))
 def final(subject: Subject) -> CheckOutcome:
     """Compare values before and after `fmi2Terminate`."""
     if subject.has_clocks:
@@ -75,13 +63,7 @@ def final(subject: Subject) -> CheckOutcome:
     return judge_problems(changed, f"{len(names)} values are the same after fmi2Terminate.", (), gaps)
 
 
-@check(
-    "values.direct",
-    "Outputs follow inputs that they directly depend on",
-    quote("values.direct"),
-    "Compute the output in fmi2GetXXX from the present input, or remove the input from its dependencies.",
-    needs=("run.finite",),
-)
+@check("values.direct", needs=("run.finite",))
 def direct(subject: Subject) -> CheckOutcome:
     """Set inputs between steps, and read the outputs that are declared to change with them at once."""
     if subject.kinds[0] != "CoSimulation" or subject.has_clocks:

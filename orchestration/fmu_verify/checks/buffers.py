@@ -20,7 +20,6 @@ from ..verdict import (
     failed,
     noted,
     passed,
-    quote,
     skipped,
     warned,
 )
@@ -41,13 +40,7 @@ _TYPES_3 = {
 }
 
 
-@check(
-    "calls.buffers",
-    "Functions write only the values that they return",
-    quote("calls.buffers"),
-    "Write values of the size of their type, and as many as there are in modelDescription.xml.",
-    needs=("run.completes",),
-)
+@check("calls.buffers", needs=("run.completes",))
 def buffers(subject: Subject) -> CheckOutcome:
     """Look behind the arrays that functions fill: an FMU that writes there damages the memory of its host."""
     instance, problems = HostedInstance(subject), list[str]()
@@ -92,13 +85,7 @@ def buffers(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, f"{tried_count} functions wrote only the values that they return.")
 
 
-@check(
-    "calls.empty",
-    "Calls for no variables are harmless",
-    quote("calls.empty"),
-    "Return before you read the arrays if the number of value references is 0.",
-    needs=("run.completes",),
-)
+@check("calls.empty", needs=("run.completes",))
 def empty(subject: Subject) -> CheckOutcome:
     """Call the functions that set and get numbers for 0 variables, with arrays and with NULL pointers.
 

@@ -20,14 +20,7 @@ _PLATFORM = quote("builds.platform")
 _LIBRARY = quote("builds.library")
 
 
-@check(
-    "sources.description",
-    "The build description is valid",
-    quote("builds.valid"),
-    "Name the model identifier and all files to compile, by their paths from the folder `sources`.",
-    needs=("description.schema",),
-    only_for=3,
-)
+@check("sources.description", clause=quote("builds.valid"), needs=("description.schema",), only_for=3)
 def description(subject: Subject) -> CheckOutcome:
     """Check the build description: its schema, version, model identifiers and source files."""
     folder = subject.folder / "sources"

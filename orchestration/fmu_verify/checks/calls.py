@@ -58,15 +58,7 @@ _OF = {
 }
 
 
-@check(
-    "calls.phases",
-    "Calls in the wrong phase are refused",
-    quote("calls.phases"),
-    "Keep the phase in the instance. Return fmi2Error and log a message for calls that it does not allow.",
-    needs=("run.completes",),
-    time_factor=2.0,
-    advisory=True,
-)
+@check("calls.phases", needs=("run.completes",), time_factor=2.0, advisory=True)
 def phases(subject: Subject) -> CheckOutcome:
     """Check that the FMU refuses calls that the state machine forbids, and does not crash.
 
@@ -150,14 +142,7 @@ _MOST_VARIABLES = 40
 _STEPS = 3
 
 
-@check(
-    "calls.nonfinite",
-    "NaN and infinity do no harm",
-    quote("calls.nonfinite"),
-    "Return fmi2Discard or fmi2Error for values that are not finite, and name the variable in the log.",
-    needs=("run.completes",),
-    advisory=True,
-)
+@check("calls.nonfinite", needs=("run.completes",), advisory=True)
 def nonfinite(subject: Subject) -> CheckOutcome:
     """Check that NaN or infinity in an input or parameter is refused or has no effect, without a crash.
 
@@ -226,13 +211,7 @@ def _find_nonfinite_output(
 
 
 @check(
-    "calls.arguments",
-    "Wrong arguments are refused",
-    quote("calls.illegal"),
-    "Compare value references and numbers of values with the variables, and return fmi3Error.",
-    needs=("run.completes",),
-    time_factor=2.0,
-    only_for=3,
+    "calls.arguments", clause=quote("calls.illegal"), needs=("run.completes",), time_factor=2.0, only_for=3
 )
 def arguments(subject: Subject) -> CheckOutcome:
     """Check calls with wrong value references, types and numbers of values, and fmi3FreeInstance of NULL.

@@ -13,21 +13,14 @@ _PERIODIC = ("constant", "fixed", "tunable")
 
 _TRIGGERED = quote("clocks.triggered")
 _FRACTION = quote("clocks.fraction")
-_CLOCKS = quote("clocks.clocks")
+_CLOCKS = quote("variables.clocks")
 _CLOCKED = quote("clocks.clocked")
 _DISCRETE = quote("clocks.discrete")
 _SINGLE_PREVIOUS = quote("clocks.single_previous")
 _SAME_TYPE = quote("clocks.same_type")
 
 
-@check(
-    "variables.clocks",
-    "Clocks and clocked variables are compatible",
-    _CLOCKS,
-    "Section 2.2.8 has the types of Clocks and what each of them needs.",
-    needs=("description.schema",),
-    only_for=3,
-)
+@check("variables.clocks", needs=("description.schema",), only_for=3)
 def clocks(subject: Subject) -> CheckOutcome:
     """Check the attributes of Clocks, and what clocked variables and previous values refer to."""
     declared = subject.declared
@@ -133,18 +126,11 @@ def _judge_previous(variable: DeclaredVariable, declared: Declarations) -> Itera
 
 
 _CHOICE = quote("clocks.choice")
-_SIZE_VARIABLE = quote("clocks.size_variable")
+_SIZE_VARIABLE = quote("variables.dimensions")
 _STARTS = quote("clocks.starts")
 
 
-@check(
-    "variables.dimensions",
-    "Arrays have sizes, and as many start values",
-    _SIZE_VARIABLE,
-    "A Dimension has a positive size, or the value reference of a structural parameter of type UInt64.",
-    needs=("description.schema",),
-    only_for=3,
-)
+@check("variables.dimensions", needs=("description.schema",), only_for=3)
 def dimensions(subject: Subject) -> CheckOutcome:
     """Check that sizes of arrays are positive, and that there is one start value or one for each element."""
     declared = subject.declared

@@ -26,7 +26,7 @@ from ..host.points import (
 )
 from ..messages import judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, passed, quote, skipped
+from ..verdict import CheckOutcome, failed, passed, skipped
 
 _POINTS = 3
 _CHANGE = 1e-2
@@ -39,14 +39,7 @@ Pairs = dict[tuple[str, str], str]
 """Unknown and known, with the place where the unknown changed with the known."""
 
 
-@check(
-    "dependencies.observed",
-    "Outputs change only with declared dependencies",
-    quote("dependencies.observed"),
-    "Add the input to the dependencies of the unknown, or leave the attribute out.",
-    needs=("run.finite",),
-    time_factor=3.0,
-)
+@check("dependencies.observed", needs=("run.finite",), time_factor=3.0)
 def observed(subject: Subject) -> CheckOutcome:
     """Check that no output changes with an input or parameter that its dependencies exclude."""
     cosimulates = subject.kinds[0] == "CoSimulation"
@@ -202,15 +195,7 @@ _MOST_UNKNOWNS = 20
 _MOST_KNOWNS = 100
 
 
-@check(
-    "dependencies.elements",
-    "Elements of arrays change only with dependencies of elements",
-    quote("dependencies.elements"),
-    "Return all dependencies of all elements, or set providesPerElementDependencies to false.",
-    needs=("run.finite",),
-    time_factor=2.0,
-    only_for=3,
-)
+@check("dependencies.elements", needs=("run.finite",), time_factor=2.0, only_for=3)
 def elements(subject: Subject) -> CheckOutcome:
     """Check that the dependencies that the FMU returns in initialization mode are valid and complete."""
     if not subject.has_flag("providesPerElementDependencies"):

@@ -12,7 +12,7 @@ from ..host.fresh_process import EndedError, in_fresh_process, in_separate_proce
 from ..host.hosted_instance import CallError
 from ..host.points import Point, in_event_mode, in_initialization, list_unexamined_pairs
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, noted, passed, quote, skipped
+from ..verdict import CheckOutcome, failed, noted, passed, skipped
 from ._points import (
     MOST_STATES,
     in_continuous_time_mode,
@@ -62,14 +62,7 @@ class _Difference(NamedTuple):
     rounding_error: Vector
 
 
-@check(
-    "derivatives.directional",
-    "Directional derivatives are correct",
-    quote("derivatives.directional"),
-    "Compare the derivatives with differences, or set providesDirectionalDerivative to false.",
-    needs=("run.finite",),
-    time_factor=5.0,
-)
+@check("derivatives.directional", needs=("run.finite",), time_factor=5.0)
 def directional(subject: Subject) -> CheckOutcome:
     """Check directional derivatives against central differences, by inputs, states and mixed directions.
 
@@ -228,15 +221,7 @@ _MAX_ADJOINT_ERROR = 1e-9
 """Allowed difference of both products, relative to the sum of their terms."""
 
 
-@check(
-    "derivatives.adjoint",
-    "Adjoint derivatives agree with directional ones",
-    quote("derivatives.adjoint"),
-    "Compare both derivatives, or set providesAdjointDerivatives to false.",
-    needs=("run.finite",),
-    time_factor=3.0,
-    only_for=3,
-)
+@check("derivatives.adjoint", needs=("run.finite",), time_factor=3.0, only_for=3)
 def adjoint(subject: Subject) -> CheckOutcome:
     """Compare adjoint derivatives by inputs and states with directional ones, or with differences."""
     kind = subject.kinds[0]

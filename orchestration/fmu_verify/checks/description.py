@@ -21,13 +21,7 @@ from ..verdict import CheckOutcome, failed, passed, quote, skipped
 _ROOT = "fmiModelDescription"
 
 
-@check(
-    "description.readable",
-    "The model description can be read",
-    quote("description.readable"),
-    "Export the FMU again. `modelDescription.xml` must be well-formed XML for FMI 2.0 or 3.0.",
-    needs=("archive.safe",),
-)
+@check("description.readable", needs=("archive.safe",))
 def readable(subject: Subject) -> CheckOutcome:
     """Check that the model description exists, is XML for FMI 2.0 or 3.0, and declares the FMU's kinds."""
     if not (subject.folder / DESCRIPTION).is_file():
@@ -81,13 +75,7 @@ def _judge_version(version: str | None) -> CheckOutcome:
     )
 
 
-@check(
-    "description.schema",
-    "The model description is valid against the schema",
-    quote("description.schema"),
-    "Line numbers refer to `modelDescription.xml`. The schema files come with the standard.",
-    needs=("description.readable",),
-)
+@check("description.schema", needs=("description.readable",))
 def schema(subject: Subject) -> CheckOutcome:
     """Validate the model description against the XML schema of its version of FMI."""
     problems = find_schema_problems(subject.tree, f"fmi{subject.version}ModelDescription.xsd")
@@ -113,13 +101,7 @@ def _read_schema(name: str) -> Any:
         return etree.XMLSchema(file=str(folder / name))
 
 
-@check(
-    "description.encoding",
-    "The model description is in UTF-8",
-    quote("description.encoding"),
-    'Write the file in UTF-8, with `<?xml version="1.0" encoding="UTF-8"?>` as its first line.',
-    needs=("description.readable",),
-)
+@check("description.encoding", needs=("description.readable",))
 def encoding(subject: Subject) -> CheckOutcome:
     """Check that the encoding is UTF-8 and declared in the first line."""
     declared_encoding = subject.tree.getroottree().docinfo.encoding or "UTF-8"
@@ -131,13 +113,7 @@ def encoding(subject: Subject) -> CheckOutcome:
     return passed("The encoding is UTF-8.")
 
 
-@check(
-    "description.capabilities",
-    "Capability flags are consistent",
-    quote("description.capabilities"),
-    "Names of flags are case-sensitive. An FMU that can serialize its state must also get and set it.",
-    needs=("description.schema",),
-)
+@check("description.capabilities", needs=("description.schema",))
 def capabilities(subject: Subject) -> CheckOutcome:
     """Check that the capabilities which others require are declared too."""
     state = "State" if subject.version == 3 else "state"
@@ -207,13 +183,7 @@ def _find_inconsistent_flags(subject: Subject) -> Iterator[Problem]:
         )
 
 
-@check(
-    "description.categories",
-    "Log categories have unique names",
-    quote("description.categories"),
-    "Remove or rename one of the categories.",
-    needs=("description.schema",),
-)
+@check("description.categories", needs=("description.schema",))
 def categories(subject: Subject) -> CheckOutcome:
     """Check that log categories have names, all different."""
     names = [e.get("name") for e in subject.tree.iterfind("LogCategories/Category")]
@@ -222,13 +192,7 @@ def categories(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, f"{len(names)} log categories have different names.")
 
 
-@check(
-    "description.identifier",
-    "The model identifier is a C identifier",
-    quote("description.identifier"),
-    "Use only letters, digits and underscores, and begin with a letter or underscore.",
-    needs=("description.schema",),
-)
+@check("description.identifier", needs=("description.schema",))
 def identifier(subject: Subject) -> CheckOutcome:
     """Check that each modelIdentifier is a C identifier, and therefore no path either."""
     identifiers = {kind: subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
@@ -241,13 +205,7 @@ def identifier(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, shorten_sentence(f"The model identifier is {names}."))
 
 
-@check(
-    "description.experiment",
-    "The default experiment can be run",
-    quote("description.experiment"),
-    "Set the start before the stop, and a positive step and tolerance.",
-    needs=("description.schema",),
-)
+@check("description.experiment", needs=("description.schema",))
 def experiment(subject: Subject) -> CheckOutcome:
     """Check that times are finite, the stop is after the start, and the step is positive."""
     element = subject.tree.find("DefaultExperiment")

@@ -20,13 +20,7 @@ _TIME_FRACTION = 0.25
 """Part of the time limit for each of the two runs."""
 
 
-@check(
-    "instance.environment",
-    "The pointer to the environment may be NULL, and is passed on",
-    quote("instance.environment"),
-    "Keep componentEnvironment (instanceEnvironment) as it is, pass it to the logger, and do not read it.",
-    needs=("binaries.loads",),
-)
+@check("instance.environment", needs=("binaries.loads",))
 def environment(subject: Subject) -> CheckOutcome:
     """Run a step with NULL and with another pointer, and look at what the logger gets.
 

@@ -24,16 +24,7 @@ class _EventRun(NamedTuple):
     first_early_return: float | None
 
 
-@check(
-    "steps.events",
-    "Event mode and early return are used as declared",
-    quote("steps.events"),
-    "Handle events inside of fmi3DoStep without event mode. Declare hasEventMode and "
-    "mightReturnEarlyFromDoStep.",
-    needs=("run.finite",),
-    time_factor=2.0,
-    only_for=3,
-)
+@check("steps.events", needs=("run.finite",), time_factor=2.0, only_for=3)
 def events(subject: Subject) -> CheckOutcome:
     """Check what steps say without event mode, and a run with early return and the declared event mode."""
     if subject.kinds[0] != "CoSimulation":

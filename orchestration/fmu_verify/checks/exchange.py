@@ -18,14 +18,7 @@ _MOST_CALLS, _FEWEST_STEPS = 50_000, 2
 """Most calls of a run with values exchanged one by one, and its fewest steps."""
 
 
-@check(
-    "exchange.order",
-    "The order of values does not matter",
-    quote("exchange.order"),
-    "Use the values set before the step begins. Calls that get a value must not change the state.",
-    needs=("run.deterministic",),
-    time_factor=4.0,
-)
+@check("exchange.order", needs=("run.deterministic",), time_factor=4.0)
 def order(subject: Subject) -> CheckOutcome:
     """Check that setting inputs and reading outputs one by one, in both orders, gives the same run."""
     steps = _MOST_CALLS // (len(subject.of_causality("input", "output")) or 1)
@@ -65,14 +58,7 @@ def _run_one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Ou
     return OutputTrajectory(course.times[: len(rows)], names, values)
 
 
-@check(
-    "steps.split",
-    "Two half steps equal one step",
-    quote("steps.split"),
-    "Integrate with shorter internal steps, or set canHandleVariableCommunicationStepSize to false.",
-    needs=("run.deterministic", "run.finite"),
-    time_factor=4.0,
-)
+@check("steps.split", needs=("run.deterministic", "run.finite"), time_factor=4.0)
 def split(subject: Subject) -> CheckOutcome:
     """Check that half steps with held inputs work, and note outputs that do not end where whole ones do."""
     if subject.kinds[0] != "CoSimulation":

@@ -39,14 +39,7 @@ _UNDEFINED = 0
 """Section index of symbols that other libraries define."""
 
 
-@check(
-    "binaries.imports",
-    "Libraries need only standard system libraries",
-    quote("binaries.imports"),
-    "Link it statically, ship it beside the library (with the RPATH $ORIGIN), or name it in "
-    "documentation/externalDependencies.txt.",
-    needs=("binaries.present",),
-)
+@check("binaries.imports", needs=("binaries.present",))
 def imports(subject: Subject) -> CheckOutcome:
     """Check that every needed library and function is standard or shipped with the FMU."""
     libraries = [

@@ -24,13 +24,7 @@ from ._sameness import compare_runs
 from .memory import read_allocated
 
 
-@check(
-    "instance.created",
-    "An instance can be created and freed",
-    quote("instance.created"),
-    "See the log. Often, the GUID in the library is not that of modelDescription.xml.",
-    needs=("instance.environment",),
-)
+@check("instance.created", needs=("instance.environment",))
 def created(subject: Subject) -> CheckOutcome:
     """Check that fmi2Instantiate returns an instance and fmi2FreeInstance frees it."""
     if subject.version == 3 and (reason := _explain_not_run(subject)):
@@ -59,13 +53,7 @@ def _explain_not_run(subject: Subject) -> str:
     return ""
 
 
-@check(
-    "instance.guid",
-    "A wrong GUID is refused",
-    quote("instance.guid"),
-    "Compare the argument fmuGUID with the GUID of the library, and return NULL if they differ.",
-    needs=("instance.created",),
-)
+@check("instance.guid", needs=("instance.created",))
 def guid(subject: Subject) -> CheckOutcome:
     """Check that fmi2Instantiate refuses a GUID of another model."""
     wrong = "{00000000-0000-0000-0000-000000000000}"
@@ -98,14 +86,7 @@ _PAGES = 2.0**13
 """Bytes by which each batch must grow. A few pages are not a leak."""
 
 
-@check(
-    "instance.cycles",
-    "Instances free their memory",
-    quote("shared.freed"),
-    "Run the FMU in a memory checker such as valgrind. Free all memory in fmi2FreeInstance.",
-    needs=("run.completes",),
-    time_factor=4.0,
-)
+@check("instance.cycles", clause=quote("shared.freed"), needs=("run.completes",), time_factor=4.0)
 def cycles(subject: Subject) -> CheckOutcome:
     """Check that the process does not grow while instances are created, run, reset and freed."""
     if is_single_instance(subject):
@@ -165,14 +146,7 @@ def _read_used() -> tuple[float, float]:
     return read_memory(), read_allocated() or 0.0
 
 
-@check(
-    "instance.independent",
-    "Instances share nothing",
-    quote("shared.several"),
-    "Keep states in the instance, not in static variables, or set canBeInstantiatedOnlyOncePerProcess.",
-    needs=("run.deterministic",),
-    time_factor=6.0,
-)
+@check("instance.independent", clause=quote("shared.several"), needs=("run.deterministic",), time_factor=6.0)
 def independent(subject: Subject) -> CheckOutcome:
     """Check that two instances that take turns, and one after them, give the same as each alone."""
     if is_single_instance(subject):
@@ -238,15 +212,7 @@ _PART = 0.1
 """Part of the time limit for each of the runs one after the other; slow FMUs do fewer steps."""
 
 
-@check(
-    "instance.threads",
-    "Instances can run in threads",
-    quote("instance.threads"),
-    "Keep buffers in the instance. Many hosts run each instance in its own thread.",
-    needs=("instance.independent",),
-    time_factor=9.0,
-    advisory=True,
-)
+@check("instance.threads", needs=("instance.independent",), time_factor=9.0, advisory=True)
 def threads(subject: Subject) -> CheckOutcome:
     """Check that two and eight instances in threads give the same as one after the other.
 
@@ -359,14 +325,7 @@ def _run_in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputT
         return list(pool.map(run_instance, instances, courses))
 
 
-@check(
-    "instance.reset",
-    "Reset restores the initial state",
-    quote("instance.reset"),
-    "fmi2Reset must set every variable and hidden state as fmi2Instantiate does.",
-    needs=("run.deterministic",),
-    time_factor=5.0,
-)
+@check("instance.reset", needs=("run.deterministic",), time_factor=5.0)
 def reset(subject: Subject) -> CheckOutcome:
     """Compare a run after fmi2Reset with that of a new instance, both after the same first run."""
     expected = (

@@ -6,19 +6,12 @@ from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, EndlessIterationError, HostedInstance
 from ..host.instance_runs import keep_run, run_instance
 from ..subject import Subject
-from ..verdict import CheckOutcome, blocked, failed, passed, quote, skipped
+from ..verdict import CheckOutcome, blocked, failed, passed, skipped
 
 NAME = "events.iteration"
 
 
-@check(
-    NAME,
-    "Event iterations end",
-    quote("events.iteration"),
-    "Ask for another update only while discrete states change. Use a hysteresis where conditions alternate.",
-    needs=("instance.created",),
-    time_factor=2.0,
-)
+@check(NAME, needs=("instance.created",), time_factor=2.0)
 def iteration(subject: Subject) -> CheckOutcome:
     """Run the FMU with its events, and look whether updates of discrete states ask for more without end."""
     has_mode = subject.version == 3 and subject.has_flag("hasEventMode", "CoSimulation")

@@ -16,7 +16,7 @@ from ..host.instance_runs import take_in_time, walk
 from ..host.other_values import are_same, choose_other, format_value, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, quote, skipped
+from ..verdict import CheckOutcome, skipped
 
 _STEPS = 6
 _MORE_STEPS = 60
@@ -38,14 +38,7 @@ class _LateEffect(NamedTuple):
     delay: int | None
 
 
-@check(
-    "values.late",
-    "Values that are set between steps have an effect",
-    quote("values.late"),
-    "Compute with the present value of each input and tunable parameter in each step, not with a copy of it.",
-    needs=("run.deterministic", "run.finite"),
-    time_factor=3.0,
-)
+@check("values.late", needs=("run.deterministic", "run.finite"), time_factor=3.0)
 def late(subject: Subject) -> CheckOutcome:
     """Set each input and tunable parameter after some steps, if it has an effect when it is set at first.
 

@@ -44,13 +44,7 @@ class Findings(NamedTuple):
     gaps: list[str]
 
 
-@check(
-    "layered.manifests",
-    "Manifests of layered standards are valid",
-    quote("layered.manifests"),
-    "Write `extra/NAME/fmi-ls-manifest.xml` as the standard NAME says; its paths are relative to its folder.",
-    needs=("description.schema",),
-)
+@check("layered.manifests", needs=("description.schema",))
 def manifests(subject: Subject) -> CheckOutcome:
     """Check folders in `extra`, the manifests in them, and the files, variables and terminals they name."""
     findings = Findings([], [], [*_note_folders(subject.folder / EXTRA)], [])

@@ -14,20 +14,13 @@ _INDICES = quote("shared.indices")
 LINEAR_KINDS = ("constant", "fixed", "tunable", "discrete")
 """Kinds of dependencies that only Real unknowns can have."""
 
-_ASCENDING = quote("listed_dependencies.ascending")
+_ASCENDING = quote("structure.dependencies")
 _KINDS = quote("listed_dependencies.kinds")
 _INITIAL_KINDS = quote("listed_dependencies.initial_kinds")
 _INDEPENDENT = quote("listed_dependencies.independent")
 
 
-@check(
-    "structure.dependencies",
-    "Dependencies are on variables that are known",
-    _ASCENDING,
-    "`dependencies` lists indices of inputs, states and the independent variable; in InitialUnknowns also "
-    "of `exact` variables. `dependenciesKind` has one word for each.",
-    needs=("structure.derivatives",),
-)
+@check("structure.dependencies", needs=("structure.derivatives",))
 def dependencies(subject: Subject) -> CheckOutcome:
     """Check that dependencies exist, ascend, refer to knowns, and have a kind each or none."""
     declared = subject.declared

@@ -32,14 +32,7 @@ _STEPS_OF_ONE = 50
 """Most steps with one category enabled alone, of which there may be many."""
 
 
-@check(
-    "log.categories",
-    "Debug messages follow the logging settings",
-    quote("logs.disabled"),
-    "Check loggingOn and the categories before you call the logger with fmi2OK. Do not print.",
-    needs=("run.completes",),
-    time_factor=2.0,
-)
+@check("log.categories", clause=quote("logs.disabled"), needs=("run.completes",), time_factor=2.0)
 def categories(subject: Subject) -> CheckOutcome:
     """Check that debug messages are only in enabled categories, and note what is printed.
 
@@ -80,14 +73,7 @@ def categories(subject: Subject) -> CheckOutcome:
     return passed(message, gaps=gaps)
 
 
-@check(
-    "log.errors",
-    "Errors come with a message",
-    quote("logs.expected"),
-    "Call the logger with the reason before a function returns fmi2Error.",
-    needs=("run.completes",),
-    time_factor=2.0,
-)
+@check("log.errors", clause=quote("logs.expected"), needs=("run.completes",), time_factor=2.0)
 def errors(subject: Subject) -> CheckOutcome:
     """Check that calls in a wrong phase that are answered with an error send a message, with logging on.
 

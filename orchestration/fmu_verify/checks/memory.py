@@ -17,7 +17,7 @@ from ..host.other_values import list_settable, read_start
 from ..host.process_state import can_read_memory, load_c_library, read_memory
 from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, passed, quote, skipped, warned
+from ..verdict import CheckOutcome, passed, skipped, warned
 
 _CALLS = {True: 300, False: 1000}
 """Calls of a batch, unless they are slow: where the C library counts bytes, and where it does not."""
@@ -62,15 +62,7 @@ def read_allocated() -> float | None:
     return float(info.uordblks + info.hblkhd)
 
 
-@check(
-    "instance.memory",
-    "Calls keep no memory",
-    quote("instance.memory"),
-    "Free what a call allocates before it returns, or use the same memory in the next one.",
-    needs=("run.completes",),
-    time_factor=2.0,
-    advisory=True,
-)
+@check("instance.memory", needs=("run.completes",), time_factor=2.0, advisory=True)
 def calls(subject: Subject) -> CheckOutcome:
     """Check that the process does not grow while values are read and set, and states saved and freed."""
     if read_allocated() is None and not can_read_memory():

@@ -8,21 +8,14 @@ from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import run_alone, run_instance
 from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, noted, passed, quote, skipped
+from ..verdict import CheckOutcome, noted, passed, skipped
 from ._sameness import describe_differences
 from .iteration import explain_endless
 
 _WITH_CLOCKS = "Models with Clocks are not integrated; their co-simulation is examined."
 
 
-@check(
-    "model_exchange.runs",
-    "The model can be integrated",
-    quote("model_exchange.runs"),
-    "Integrate the model with another tool and look at the call that fails.",
-    needs=("instance.created",),
-    time_factor=2.0,
-)
+@check("model_exchange.runs", needs=("instance.created",), time_factor=2.0)
 def runs(subject: Subject) -> CheckOutcome:
     """Check that the model can be initialized, integrated with events, terminated and freed."""
     if "ModelExchange" not in subject.kinds:
@@ -40,14 +33,7 @@ def runs(subject: Subject) -> CheckOutcome:
     return passed(f"{states} states were integrated to t = {trajectory.times[-1]:.9g} s.")
 
 
-@check(
-    "model_exchange.split",
-    "Results do not depend on where the host stops",
-    quote("model_exchange.split"),
-    "Tell state events by event indicators and time events by nextEventTime. Sample only when it is time.",
-    needs=("model_exchange.runs",),
-    time_factor=3.0,
-)
+@check("model_exchange.split", needs=("model_exchange.runs",), time_factor=3.0)
 def split(subject: Subject) -> CheckOutcome:
     """Compare a run with one that enters event mode more often.
 
@@ -88,14 +74,7 @@ _MAX_DIFFERENCE = 5e-3
 _MAX_DIFFERENT_FRACTION = 0.3
 
 
-@check(
-    "model_exchange.agrees",
-    "Model Exchange and Co-Simulation agree",
-    quote("model_exchange.agrees"),
-    "Integrate with shorter internal steps, or document how the two differ.",
-    needs=("model_exchange.runs", "run.finite"),
-    time_factor=3.0,
-)
+@check("model_exchange.agrees", needs=("model_exchange.runs", "run.finite"), time_factor=3.0)
 def agrees(subject: Subject) -> CheckOutcome:
     """Note outputs that differ between both kinds: the standard does not require that they agree."""
     if "CoSimulation" not in subject.kinds:

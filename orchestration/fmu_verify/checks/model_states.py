@@ -27,15 +27,7 @@ _JUMP = 0.02
 """Least jump of a derivative, relative to its range in the run, that counts."""
 
 
-@check(
-    "model_exchange.states",
-    "States and derivatives are those of the model description",
-    quote("model_exchange.states"),
-    "Return states, derivatives and nominal values in the order of ModelStructure. In continuous-time mode, "
-    "keep what depends on an event; say in event mode which states changed.",
-    needs=("model_exchange.runs",),
-    time_factor=2.0,
-)
+@check("model_exchange.states", needs=("model_exchange.runs",), time_factor=2.0)
 def states(subject: Subject) -> CheckOutcome:
     """Compare vectors of states and derivatives with the variables, and look for untold and early events."""
     derivatives = [u.variable for u in subject.description.derivatives]

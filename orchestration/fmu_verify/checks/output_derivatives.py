@@ -20,13 +20,7 @@ _MARGIN = 0.05
 """Allowed distance from the surrounding slopes, relative to the largest slope of the output."""
 
 
-@check(
-    "derivatives.outputs",
-    "Output derivatives match the slopes of the outputs",
-    quote("derivatives.outputs"),
-    "Return the slope at the end of the step, or set maxOutputDerivativeOrder to 0.",
-    needs=("run.finite",),
-)
+@check("derivatives.outputs", needs=("run.finite",))
 def of_outputs(subject: Subject) -> CheckOutcome:
     """Check that fmi2GetRealOutputDerivatives is between the slopes before and after, at most points."""
     if subject.kinds[0] != "CoSimulation":

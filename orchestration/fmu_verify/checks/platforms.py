@@ -12,19 +12,13 @@ from ..libraries import SUFFIXES, list_libraries, list_platforms
 from ..messages import judge_problems
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, failed, passed, quote, skipped, warned
+from ..verdict import CheckOutcome, failed, passed, skipped, warned
 
 _THIS_PLATFORM = (fmpy.platform_tuple, fmpy.platform)
 _VERSION_3 = re.compile(rb"3\.0(\.[0-9]+)?")
 
 
-@check(
-    "binaries.platform",
-    "Libraries are for the platform of their folder",
-    quote("binaries.platform"),
-    "Move the library to the folder of its platform, or build it for this one.",
-    needs=("binaries.present",),
-)
+@check("binaries.platform", needs=("binaries.present",))
 def platform(subject: Subject) -> CheckOutcome:
     """Check the names of folders in `binaries`, and the header of every library: system and processor."""
     names = {subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
@@ -52,13 +46,7 @@ def platform(subject: Subject) -> CheckOutcome:
     return replace(judge_problems(problems, fine, doubts), blocks=is_here)
 
 
-@check(
-    "binaries.version",
-    "The library is compiled for FMI 2.0",
-    quote("binaries.version"),
-    "Compile the library with the header files of FMI 2.0, and return fmi2Version and fmi2TypesPlatform.",
-    needs=("binaries.loads",),
-)
+@check("binaries.version", needs=("binaries.loads",))
 def version(subject: Subject) -> CheckOutcome:
     """Check what fmi2GetVersion and fmi2GetTypesPlatform return, before any other call."""
     for library in list_libraries(subject):

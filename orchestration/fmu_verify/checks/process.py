@@ -40,14 +40,7 @@ def _run(subject: Subject) -> HostedInstance:
     return instance
 
 
-@check(
-    "process.resources",
-    "Instances free files, threads and processes",
-    quote("shared.freed"),
-    "Close files, join threads, and end and await child processes in fmi2FreeInstance.",
-    needs=("run.completes",),
-    time_factor=2.0,
-)
+@check("process.resources", clause=quote("shared.freed"), needs=("run.completes",), time_factor=2.0)
 def resources(subject: Subject) -> CheckOutcome:
     """Check that open files, threads and child processes do not grow with the number of instances."""
     if not can_list_resources():
@@ -95,13 +88,7 @@ _NOTHING = "nothing"
 """What a setting is that does not exist."""
 
 
-@check(
-    "process.settings",
-    "The settings of the process are unchanged",
-    quote("process.settings"),
-    "Restore the setting before the function returns. Other FMUs and the host compute with it.",
-    needs=("run.completes",),
-)
+@check("process.settings", needs=("run.completes",))
 def settings(subject: Subject) -> CheckOutcome:
     """Compare the working folder, locale, rounding and signal handlers before and after a short run."""
     before, steps, after = in_fresh_process(_read_settings_of_run, subject)
@@ -130,14 +117,7 @@ def _read_settings_of_run(subject: Subject) -> tuple[dict[str, str], dict[str, s
     return before, steps, read_settings()
 
 
-@check(
-    "process.files",
-    "No files are written without being asked",
-    quote("process.files"),
-    "Write to the system's folder for temporary files, or to a file that a parameter names.",
-    needs=("run.completes",),
-    time_factor=2.0,
-)
+@check("process.files", needs=("run.completes",), time_factor=2.0)
 def files(subject: Subject) -> CheckOutcome:
     """Check the FMU's own folder, the working folder, and the home folder after a run."""
     with tempfile.TemporaryDirectory() as folder:
@@ -213,13 +193,7 @@ _QUIET = 4096
 """Bytes to a stream in a short run that are not a flood."""
 
 
-@check(
-    "process.output",
-    "Standard output and error are not flooded",
-    quote("process.output"),
-    "Call the logger of fmi2CallbackFunctions instead. Hosts use these streams for their own output.",
-    needs=("run.completes",),
-)
+@check("process.output", needs=("run.completes",))
 def output(subject: Subject) -> CheckOutcome:
     """Check how much a short run writes to standard output and standard error."""
     written = in_fresh_process(_record_streams, subject)
@@ -247,13 +221,7 @@ def _record_streams(subject: Subject) -> dict[str, tuple[int, str]]:
     return written
 
 
-@check(
-    "process.unload",
-    "The library can be unloaded",
-    quote("process.unload"),
-    "Keep functions that run at the end of the library free of what no longer exists.",
-    needs=("run.completes",),
-)
+@check("process.unload", needs=("run.completes",))
 def unload(subject: Subject) -> CheckOutcome:
     """Check that the process continues after the library is unloaded, and can end normally after a run."""
     try:

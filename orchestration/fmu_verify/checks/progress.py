@@ -19,7 +19,7 @@ from ..host.instance_runs import OutputTrajectory, list_outputs, step_instance, 
 from ..host.other_values import Values, list_other_values, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, quote, skipped
+from ..verdict import CheckOutcome, skipped
 
 _MAX_TIME_ERROR = 1e-3
 """Distance of the FMU's time from the end of a step, relative to the step, that counts."""
@@ -28,14 +28,7 @@ _STEPS = 5
 """Steps of runs that look at the time, and the steps by which the second one starts later."""
 
 
-@check(
-    "steps.time",
-    "The FMU's time is that of the host",
-    quote("steps.time"),
-    "Begin with the start time that the host sets, and end each step at its communication point plus size.",
-    needs=("run.finite",),
-    time_factor=2.0,
-)
+@check("steps.time", needs=("run.finite",), time_factor=2.0)
 def time(subject: Subject) -> CheckOutcome:
     """Compare the independent variable, and the time that steps say they reach, for two start times."""
     start, step, _ = read_span(subject)
@@ -143,14 +136,7 @@ _LATE_FRACTION = 0.6
 """Part of a run after which inputs change that did not before."""
 
 
-@check(
-    "run.frozen",
-    "Outputs, states and effects of inputs do not stop",
-    quote("run.frozen"),
-    "Look for what fmi2DoStep does once only or up to a certain time: counters, buffers, tables that end.",
-    needs=("run.deterministic", "run.finite"),
-    time_factor=3.0,
-)
+@check("run.frozen", needs=("run.deterministic", "run.finite"), time_factor=3.0)
 def frozen(subject: Subject) -> CheckOutcome:
     """Look for outputs and states that stay the same from some time on, and inputs that lose their effect.
 

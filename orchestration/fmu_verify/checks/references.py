@@ -21,14 +21,7 @@ _RULES = quote("references.rules")
 _RESULT = quote("references.result")
 
 
-@check(
-    "reference.agrees",
-    "Outputs stay within the tubes around their references",
-    _RULES,
-    "The plot shows where. If the change is intended, record the reference again.",
-    needs=("run.completes",),
-    time_factor=6.0,
-)
+@check("reference.agrees", clause=_RULES, needs=("run.completes",), time_factor=6.0)
 def agrees(subject: Subject) -> CheckOutcome:
     """Run the FMU along its reference files and check every column against its tube.
 
@@ -102,14 +95,7 @@ def _find_experiment(subject: Subject, result: Path) -> ExperimentSetup | None:
     return None
 
 
-@check(
-    "reference.recorded",
-    "Reference files are recorded from a run",
-    _RULES,
-    "The message says what to correct.",
-    needs=("run.completes",),
-    time_factor=30.0,
-)
+@check("reference.recorded", clause=_RULES, needs=("run.completes",), time_factor=30.0)
 def recorded(subject: Subject) -> CheckOutcome:
     """Run the FMU as the settings say and write its reference files."""
     recording = subject.settings.recording

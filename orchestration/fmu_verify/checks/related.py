@@ -170,9 +170,7 @@ _HINT = "Run the experiment in a tool for the simulation of FMUs. Correct its fi
 
 @check(
     "related.smoke_tests",
-    "The smoke tests in the FMU run",
-    quote("related.performed"),
-    _HINT,
+    clause=quote("related.performed"),
     needs=("run.completes", "related.metadata"),
     time_factor=_FACTOR,
 )
@@ -181,27 +179,13 @@ def smoke_tests(subject: Subject) -> CheckOutcome:
     return _judge_experiments(subject, ("", "smoke-test"), "smoke tests")
 
 
-@check(
-    "related.validation",
-    "The validations in the FMU agree with their references",
-    quote("related.validation"),
-    "The plot shows where. Correct the FMU, or the files of the experiment.",
-    needs=("run.completes", "related.metadata"),
-    time_factor=_FACTOR,
-)
+@check("related.validation", needs=("run.completes", "related.metadata"), time_factor=_FACTOR)
 def validation(subject: Subject) -> CheckOutcome:
     """Run the experiments with the role `experiment/validation`, and compare their references."""
     return _judge_experiments(subject, ("validation",), "validations")
 
 
-@check(
-    "related.uncertainty",
-    "The experiments for uncertainty analyses run",
-    quote("related.uncertainty"),
-    _HINT,
-    needs=("run.completes", "related.metadata"),
-    time_factor=_FACTOR,
-)
+@check("related.uncertainty", needs=("run.completes", "related.metadata"), time_factor=_FACTOR)
 def uncertainty(subject: Subject) -> CheckOutcome:
     """Run the experiments with the role `experiment/uncertainty-analysis`, without a variation."""
     outcome = _judge_experiments(subject, ("uncertainty-analysis",), "uncertainty analyses")
@@ -214,14 +198,7 @@ def uncertainty(subject: Subject) -> CheckOutcome:
 # ---- parameter sets -----------------------------------------------------------------------------
 
 
-@check(
-    "related.parameters",
-    "The parameter sets in the FMU can be applied",
-    quote("related.parameters"),
-    "Compare the names, types, units and ranges of the parameter set with modelDescription.xml.",
-    needs=("run.completes", "related.metadata"),
-    time_factor=_FACTOR,
-)
+@check("related.parameters", needs=("run.completes", "related.metadata"), time_factor=_FACTOR)
 def parameters(subject: Subject) -> CheckOutcome:
     """Check that parameter sets (SSV) name variables of the FMU, and that it runs a few steps with them."""
     files = [f for f in list_related(subject.folder) if f.role == "parameter"]
@@ -254,14 +231,7 @@ def _run_with(subject: Subject, values: dict[str, object]) -> None:
 # ---- states -------------------------------------------------------------------------------------
 
 
-@check(
-    "related.states",
-    "The serialized states in the FMU can be restored",
-    quote("related.states"),
-    "Write the file with this build of the FMU. Name the platform in the role if others cannot read it.",
-    needs=("run.completes", "related.metadata"),
-    time_factor=3.0,
-)
+@check("related.states", needs=("run.completes", "related.metadata"), time_factor=3.0)
 def states(subject: Subject) -> CheckOutcome:
     """Restore each serialized state in two new instances, and check that both continue, and the same."""
     files = [f for f in list_related(subject.folder) if f.role == "serialized-state"]
@@ -317,13 +287,7 @@ _JUDGED_ROLES = ("experiment", "parameter", "serialized-state", "result")
 """Roles of files that other checks judge."""
 
 
-@check(
-    "related.metadata",
-    "Meta-data and other documents in the FMU are valid",
-    quote("related.metadata"),
-    "Correct the file, or its entry in extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml.",
-    needs=("archive.safe",),
-)
+@check("related.metadata", needs=("archive.safe",))
 def metadata(subject: Subject) -> CheckOutcome:
     """Check that meta-data (SRMD) and other XML documents are valid, and list those that no check reads."""
     listed = list_related(subject.folder)

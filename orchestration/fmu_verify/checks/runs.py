@@ -22,7 +22,7 @@ from ..host.instance_runs import (
 from ..host.junk import fill_memory
 from ..messages import join_few_names
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, noted, passed, quote, warned
+from ..verdict import CheckOutcome, failed, noted, passed, warned
 from ._sameness import compare_runs
 from .iteration import explain_endless
 
@@ -30,13 +30,7 @@ _PART = 0.4
 """Part of the time limit for one run; other checks run as many steps as are possible in this time."""
 
 
-@check(
-    "run.completes",
-    "The default experiment runs",
-    quote("run.completes"),
-    "See the log. Try the FMU with the step size and start values that its author uses.",
-    needs=("instance.created",),
-)
+@check("run.completes", needs=("instance.created",))
 def completes(subject: Subject) -> CheckOutcome:
     """Check that the FMU can be initialized, stepped with varying inputs, terminated and freed."""
     limit = _PART * subject.settings.seconds
@@ -72,13 +66,7 @@ def completes(subject: Subject) -> CheckOutcome:
     return passed(message, figures={"steps": steps_done + more}, gaps=gaps)
 
 
-@check(
-    "run.finite",
-    "Outputs are always finite",
-    quote("run.finite"),
-    "A step without finite results should return fmi2Discard or fmi2Error, and log the reason.",
-    needs=("run.completes",),
-)
+@check("run.finite", needs=("run.completes",))
 def finite(subject: Subject) -> CheckOutcome:
     """Check that no output is NaN or infinite while calls return fmi2OK."""
     trajectory, rest = run_alone(subject), find_run(subject, make_experiment(subject), _REST)
@@ -121,13 +109,7 @@ _UNCERTAIN = 1e-6
 """Allowed distance from a declared range, relative to its ends."""
 
 
-@check(
-    "run.ranges",
-    "Outputs stay between their min and max",
-    quote("run.ranges"),
-    "Widen min and max in modelDescription.xml, or limit the output.",
-    needs=("run.finite",),
-)
+@check("run.ranges", needs=("run.finite",))
 def ranges(subject: Subject) -> CheckOutcome:
     """Check that outputs stay in their declared ranges, but for the tolerance of solvers."""
     trajectory = run_alone(subject)
@@ -154,14 +136,7 @@ def _describe_violation(subject: Subject, name: str, values: np.ndarray, traject
     return f"{name} is {values[k]:.9g} at t = {trajectory.times[k]:.9g} s, outside of {low:g} to {high:g}."
 
 
-@check(
-    "run.deterministic",
-    "Two runs are the same",
-    quote("run.deterministic"),
-    "Initialize all memory, seed random numbers by a parameter, and do not use clocks or addresses.",
-    needs=("run.completes",),
-    time_factor=3.0,
-)
+@check("run.deterministic", needs=("run.completes",), time_factor=3.0)
 def deterministic(subject: Subject) -> CheckOutcome:
     """Check that two processes agree that differ in addresses, clock second and junk in fresh memory.
 

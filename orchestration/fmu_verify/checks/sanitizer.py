@@ -17,7 +17,7 @@ _check = partial(
     memory_factor=2.0**24,  # AddressSanitizer reserves 2^44 addresses; what it uses has a limit of its own
 )
 
-_OUTSIDE = quote("sanitizer.outside")
+_OUTSIDE = quote("sanitizer.address")
 _LIFETIME = quote("sanitizer.lifetime")
 _FREE = quote("sanitizer.free")
 _CLAUSES = {
@@ -33,12 +33,7 @@ _CLAUSES = {
 _ENDED = skipped("It needs sanitizer.address, which failed: the run ended there.")
 
 
-@_check(
-    "sanitizer.address",
-    "Memory accesses are valid",
-    _OUTSIDE,
-    "Compile the sources with -fsanitize=address and look at the line. Its effect differs from run to run.",
-)
+@_check("sanitizer.address")
 def address(subject: Subject) -> CheckOutcome:
     """Run a build of the sources with AddressSanitizer through all phases of two instances."""
     run = run_sanitized(subject)
@@ -48,12 +43,7 @@ def address(subject: Subject) -> CheckOutcome:
     return _judge(run, problems, "A build of the sources with AddressSanitizer reports nothing.")
 
 
-@_check(
-    "sanitizer.leaks",
-    "All memory is freed",
-    quote("shared.freed"),
-    "Free in fmi2FreeInstance what the instance allocated, and in fmi2FreeFMUstate what the state did.",
-)
+@_check("sanitizer.leaks", clause=quote("shared.freed"))
 def leaks(subject: Subject) -> CheckOutcome:
     """Check which memory nothing points to after the instances were freed."""
     run = run_sanitized(subject)
@@ -70,13 +60,7 @@ def leaks(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, "After the instances were freed, no memory is left.")
 
 
-@_check(
-    "sanitizer.undefined",
-    "Arithmetic and pointers are defined",
-    quote("sanitizer.undefined"),
-    "Compile the sources with -fsanitize=undefined. Other compilers may compute another result.",
-    advisory=True,
-)
+@_check("sanitizer.undefined", advisory=True)
 def undefined(subject: Subject) -> CheckOutcome:
     """Run a build of the sources with UBSan through all phases of two instances."""
     run = run_sanitized(subject)

@@ -8,7 +8,7 @@ from emla_cosim.fmu.attribute_faults import find_attribute_fault
 from ..check import check
 from ..messages import shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Verdict, noted, passed, quote
+from ..verdict import CheckOutcome, Verdict, noted, passed
 from . import description, listed_dependencies, starts, structure, types, units, variables
 
 _PRECISE_CHECKS = (
@@ -28,9 +28,6 @@ _PRECISE_CHECKS = (
 
 @check(
     "description.semantics",
-    "FMPy reports no further problem",
-    quote("description.semantics"),
-    "Tools that are based on FMPy may refuse the FMU.",
     needs=("description.schema",),
     time_factor=3.0,  # it also repeats other checks
 )

@@ -21,14 +21,7 @@ _STEPS = 3
 """Steps of runs that show whether instances share values."""
 
 
-@check(
-    "values.shared",
-    "Instances have their own parameters and inputs",
-    quote("shared.several"),
-    "Keep parameters in the instance, not in static variables, or set canBeInstantiatedOnlyOncePerProcess.",
-    needs=("run.deterministic",),
-    time_factor=2.0,
-)
+@check("values.shared", clause=quote("shared.several"), needs=("run.deterministic",), time_factor=2.0)
 def shared(subject: Subject) -> CheckOutcome:
     """Check that other values in one instance change no values and no results of another one."""
     if is_single_instance(subject):

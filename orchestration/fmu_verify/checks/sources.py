@@ -33,14 +33,7 @@ _SANITIZERS = 0.2
 _LISTED = quote("sources.listed")
 
 
-@check(
-    "sources.compile",
-    "Sources compile",
-    quote("sources.compile"),
-    "List all compiled files, and no others, in SourceFiles. Ship the headers that they include.",
-    needs=("description.schema",),
-    time_factor=_TIME_FACTOR,
-)
+@check("sources.compile", needs=("description.schema",), time_factor=_TIME_FACTOR)
 def compile_(subject: Subject) -> CheckOutcome:
     """Check that all listed source files exist, with their headers, and compile and link to a library."""
     if subject.version == 3:

@@ -9,21 +9,15 @@ from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, quote
 
-_REQUIRED = quote("starts.required")
+_REQUIRED = quote("variables.start")
 _ALWAYS_REQUIRED = quote("starts.always_required")
 _FORBIDDEN = quote("starts.forbidden")
-_ORDERED = quote("starts.ordered")
+_ORDERED = quote("variables.range")
 _FINITE = quote("starts.finite")
 _NOMINAL = quote("starts.nominal")
 
 
-@check(
-    "variables.start",
-    "Variables have the required start values",
-    _REQUIRED,
-    "Add or remove the start value as `initial` requires. Its defaults are in the table of section 2.2.7.",
-    needs=("description.schema",),
-)
+@check("variables.start", needs=("description.schema",))
 def presence(subject: Subject) -> CheckOutcome:
     """Check that variables have a start value if and only if the standard requires one."""
     variables = [v for v in subject.declared.variables if v.possible and v.type != "Clock"]
@@ -46,13 +40,7 @@ def _find_misplaced(variable: DeclaredVariable) -> Iterator[Problem]:
         yield Breach(f"{variable} is calculated, but has a start value.", _FORBIDDEN)
 
 
-@check(
-    "variables.range",
-    "Start values are within their ranges",
-    _ORDERED,
-    "Correct the start value, or min and max. nominal must be positive.",
-    needs=("description.types",),
-)
+@check("variables.range", needs=("description.types",))
 def ranges(subject: Subject) -> CheckOutcome:
     """Check that start values are finite, within min and max, and items of their enumerations."""
     declared = subject.declared

@@ -24,14 +24,7 @@ difference only warns. Solvers of stiff models with a loose tolerance reach seve
 _HINT = "Copy everything that changes or was set: hidden states, random numbers, delays, the phase."
 
 
-@check(
-    "state.restored",
-    "A saved state is restored",
-    quote("state.restored"),
-    _HINT,
-    needs=("run.deterministic",),
-    time_factor=4.0,
-)
+@check("state.restored", needs=("run.deterministic",), time_factor=4.0)
 def restored(subject: Subject) -> CheckOutcome:
     """Check that a run from a restored state continues as before, at several times, twice each."""
     if not subject.has_capability("canGetAndSetFMUstate"):
@@ -98,13 +91,7 @@ def _measure_growth(instance: HostedInstance) -> float:
     return float(np.where(growth > _MIN_GROWTH, growth, 0.0).max()) / count
 
 
-@check(
-    "state.freed",
-    "Freeing a state clears its pointer",
-    quote("state.freed"),
-    "Set *FMUstate to NULL in fmi2FreeFMUstate. Ignore a pointer that is NULL already.",
-    needs=("state.restored",),
-)
+@check("state.freed", needs=("state.restored",))
 def freed(subject: Subject) -> CheckOutcome:
     """Check that fmi2FreeFMUstate frees a state that was saved again, sets NULL, and ignores NULL."""
     if not subject.has_capability("canGetAndSetFMUstate"):
@@ -126,14 +113,7 @@ def freed(subject: Subject) -> CheckOutcome:
     return passed("fmi2FreeFMUstate clears the pointer, and ignores one that is NULL.")
 
 
-@check(
-    "state.serialized",
-    "A serialized state is restored",
-    quote("state.serialized"),
-    _HINT + " Check the size and a version before you accept bytes as a state.",
-    needs=("state.restored",),
-    time_factor=3.0,
-)
+@check("state.serialized", needs=("state.restored",), time_factor=3.0)
 def serialized(subject: Subject) -> CheckOutcome:
     """Check that a new instance continues the same from the serialized state of another one."""
     if not subject.has_capability("canSerializeFMUstate"):

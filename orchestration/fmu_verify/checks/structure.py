@@ -17,19 +17,13 @@ _OF_STATES = ("local", "output")
 _OUTPUTS = quote("structure.outputs")
 _DEFINED_STATES = quote("structure.defined_states")
 _STATES = quote("structure.states")
-_INITIAL = quote("structure.initial")
+_INITIAL = quote("structure.initial_unknowns")
 _CLOCKED = quote("structure.clocked")
 _PREVIOUS = quote("structure.previous")
 _INDICATORS = quote("structure.indicators")
 
 
-@check(
-    "structure.outputs",
-    "All outputs are listed",
-    _OUTPUTS,
-    "ModelStructure/Outputs needs one Unknown for each output. index counts ScalarVariables from 1.",
-    needs=("description.schema",),
-)
+@check("structure.outputs", needs=("description.schema",))
 def outputs(subject: Subject) -> CheckOutcome:
     """Check that ModelStructure/Outputs lists every output once, and nothing else."""
     declared = subject.declared
@@ -41,13 +35,7 @@ def outputs(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, f"{len(expected)} outputs are listed.")
 
 
-@check(
-    "structure.derivatives",
-    "State derivatives refer to continuous states",
-    _DEFINED_STATES,
-    "Set the attribute `derivative` of the variable to the index of its state, counted from 1.",
-    needs=("description.schema",),
-)
+@check("structure.derivatives", clause=_DEFINED_STATES, needs=("description.schema",))
 def derivatives(subject: Subject) -> CheckOutcome:
     """Check that each of ModelStructure/Derivatives is the derivative of a different continuous state."""
     declared = subject.declared
@@ -151,13 +139,7 @@ def _find_misdirected(declared: Declarations) -> Iterator[Problem]:
             )
 
 
-@check(
-    "structure.initial_unknowns",
-    "All initial unknowns are listed, in order",
-    _INITIAL,
-    "List outputs, states and derivatives that are `calculated` or `approx`, and calculated parameters.",
-    needs=("structure.derivatives",),
-)
+@check("structure.initial_unknowns", needs=("structure.derivatives",))
 def initial_unknowns(subject: Subject) -> CheckOutcome:
     """Check that InitialUnknowns lists what initialization computes, once, by ascending index."""
     declared = subject.declared

@@ -23,14 +23,7 @@ _SVG = quote("terminals.svg")
 _PNG_START = b"\x89PNG\r\n\x1a\n"
 
 
-@check(
-    "description.terminals",
-    "Terminals are valid",
-    quote("terminals.valid"),
-    "Name variables of the model description, each terminal of a level once, and each of its members once. "
-    "Ship the images.",
-    needs=("description.schema",),
-)
+@check("description.terminals", clause=quote("terminals.valid"), needs=("description.schema",))
 def terminals(subject: Subject) -> CheckOutcome:
     """Check the description of terminals and icons: its schema, version, names and variables."""
     path = subject.folder / TERMINALS

@@ -19,7 +19,7 @@ from ..host.process_state import load_c_library
 from ..messages import judge_problems, list_left_out, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, quote, skipped
+from ..verdict import CheckOutcome, skipped
 
 _STEPS = 60
 _STEPS_PER_CHANGE = 7
@@ -29,25 +29,13 @@ _TIME_FRACTION = 0.5
 """Part of the time limit for one run."""
 
 
-@check(
-    "values.booleans",
-    "Booleans are fmi2True or fmi2False",
-    quote("values.booleans"),
-    "Return 0 or 1: hosts compare with fmi2True.",
-    needs=("run.completes",),
-)
+@check("values.booleans", needs=("run.completes",))
 def booleans(subject: Subject) -> CheckOutcome:
     """Check the Booleans of a run."""
     return _judge(subject, "Boolean", lambda _, value: value in (0, 1))
 
 
-@check(
-    "values.enumerations",
-    "Enumerations are items of their types",
-    quote("values.enumerations"),
-    "Add an item for the value to the SimpleType, or return another one.",
-    needs=("run.completes",),
-)
+@check("values.enumerations", needs=("run.completes",))
 def enumerations(subject: Subject) -> CheckOutcome:
     """Check the Enumerations of a run."""
     return _judge(subject, "Enumeration", lambda variable, value: value in list_items(variable))
@@ -146,13 +134,7 @@ class _VaryingRun:
             yield float(course.times[k + 1]), instance
 
 
-@check(
-    "values.strings",
-    "Strings are valid",
-    quote("values.strings"),
-    "Return a pointer to UTF-8 text that lives at least until the next call of the FMU; never NULL.",
-    needs=("run.completes",),
-)
+@check("values.strings", needs=("run.completes",))
 def strings(subject: Subject) -> CheckOutcome:
     """Check that Strings are not NULL, are UTF-8, and live until the next call."""
     all_variables = [v for v in subject.description.modelVariables if v.type == "String"]

@@ -8,16 +8,10 @@ from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, quote
 
-_DEFINED = quote("types.defined")
+_DEFINED = quote("description.types")
 
 
-@check(
-    "description.types",
-    "Types are defined and used correctly",
-    _DEFINED,
-    "Define every type once, with a name that no variable has, and with the type of its variables.",
-    needs=("description.schema",),
-)
+@check("description.types", needs=("description.schema",))
 def types(subject: Subject) -> CheckOutcome:
     """Check that every declared type is defined once and matches the type of its variables."""
     declared = subject.declared

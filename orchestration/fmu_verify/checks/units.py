@@ -21,19 +21,12 @@ from ..verdict import CheckOutcome, quote
 _RAD = BASE_UNITS.index("rad")
 
 _UNIQUE_DISPLAY = quote("units.unique_display")
-_DEFINED = quote("units.defined")
 _NO_UNIT = quote("units.no_unit")
-_CONVERTED = quote("units.converted")
+_CONVERTED = quote("units.consistent")
 _INVERSE = quote("units.inverse")
 
 
-@check(
-    "units.defined",
-    "Units are defined",
-    _DEFINED,
-    "Add a `Unit` with exponents to `UnitDefinitions` for every unit of a variable or type.",
-    needs=("description.schema",),
-)
+@check("units.defined", needs=("description.schema",))
 def defined(subject: Subject) -> CheckOutcome:
     """Check that every used unit is defined once, and that a variable with a display unit has a unit."""
     declared = subject.declared
@@ -54,7 +47,7 @@ def _find_undefined_units(declared: Declarations) -> Iterator[Problem]:
     used += [(f"the type {t.name}", t.attributes.get("unit")) for t in declared.types]
     for who, unit in used:
         if unit is not None and unit not in declared.units_by_name:
-            yield Breach(f"The unit {unit!r} of {who} is not defined.", _DEFINED)
+            yield Breach(f"The unit {unit!r} of {who} is not defined.", quote("units.defined"))
     for variable in declared.variables:
         if variable.attributes.get("displayUnit") is not None and variable.unit is None:
             yield Breach(f"{variable} has a display unit, but no unit.", _NO_UNIT)
@@ -62,13 +55,7 @@ def _find_undefined_units(declared: Declarations) -> Iterator[Problem]:
             yield Breach(f"An alias of {variable} has a display unit, but {variable} no unit.", _NO_UNIT)
 
 
-@check(
-    "units.consistent",
-    "Units match their names",
-    _CONVERTED,
-    "Correct the exponents and the factor, or the name. Masters convert connected values with them.",
-    needs=("units.defined",),
-)
+@check("units.consistent", needs=("units.defined",))
 def consistent(subject: Subject) -> CheckOutcome:
     """Check exponents and factors of units with well-known names, and of their display units.
 
@@ -128,9 +115,7 @@ def _find_contradictions(unit: DeclaredUnit) -> Iterator[str]:
 
 @check(
     "units.derivatives",
-    "A derivative has the unit of its variable per second",
-    quote("shared.derivative"),
-    "Set the unit of the derivative to that of its variable divided by `s`, with the same factor.",
+    clause=quote("shared.derivative"),
     needs=("units.consistent", "structure.derivatives"),
 )
 def derivatives(subject: Subject) -> CheckOutcome:

@@ -29,13 +29,7 @@ _VALUES_REFUSED = "It refuses other valid values of its parameters and inputs, o
 _NO_OTHER_VALUES = "It has no parameter and no input with another valid value."
 
 
-@check(
-    "values.start",
-    "Variables have their start values",
-    quote("values.start"),
-    "Generate the model description and the library from the same values.",
-    needs=("run.completes",),
-)
+@check("values.start", needs=("run.completes",))
 def starts(subject: Subject) -> CheckOutcome:
     """Compare values after an initialization in which nothing is set with modelDescription.xml."""
     settable_variables = list_settable(subject, "parameter", "input", most=None)
@@ -79,14 +73,7 @@ def read_values(instance: HostedInstance, names: Sequence[str]) -> Values:
     return dict(zip(names, instance.get(names), strict=True))
 
 
-@check(
-    "values.kept",
-    "Values that are set are kept",
-    quote("values.kept"),
-    "Store the value in fmi2SetXXX, or return fmi2Discard or fmi2Error if it cannot be taken.",
-    needs=("run.completes",),
-    time_factor=2.0,
-)
+@check("values.kept", needs=("run.completes",), time_factor=2.0)
 def kept(subject: Subject) -> CheckOutcome:
     """Check that parameters and inputs have the values that were set, after initialization."""
     changes = list_other_values(list_settable(subject, "parameter", "input"))
@@ -118,14 +105,7 @@ def _list_unjudged(subject: Subject, count: int, tunable: bool = False) -> tuple
     return list_left_out(count, len(all_values), "parameters and inputs were judged with other values.")
 
 
-@check(
-    "values.reset",
-    "Reset restores the values of parameters and inputs",
-    quote("values.reset"),
-    "fmi2Reset must set every parameter and input to its start value.",
-    needs=("run.completes",),
-    time_factor=2.0,
-)
+@check("values.reset", needs=("run.completes",), time_factor=2.0)
 def reset(subject: Subject) -> CheckOutcome:
     """Compare parameters and inputs after other values and fmi2Reset with those of a new instance."""
     return judge_unchanged(subject, _read_after_reset, "after fmi2Reset")
@@ -167,14 +147,7 @@ def judge_unchanged(subject: Subject, read_values_after: Any, when: str) -> Chec
     return judge_problems(problems, fine, gaps=_list_unjudged(subject, count))
 
 
-@check(
-    "values.state",
-    "A saved state has the values of parameters, inputs and outputs",
-    quote("values.state"),
-    "Copy parameters and inputs of all types into the state, also Booleans and Strings.",
-    needs=("state.restored",),
-    time_factor=3.0,
-)
+@check("values.state", needs=("state.restored",), time_factor=3.0)
 def state(subject: Subject) -> CheckOutcome:
     """Check that restoring a state restores values that were changed after it was saved."""
     changes = list_other_values(

@@ -23,19 +23,13 @@ _REFERENCES = quote("variables.references")
 _INTERMEDIATE = quote("variables.intermediate")
 _REINIT = quote("variables.reinit")
 _MODEL_EXCHANGE = quote("variables.model_exchange")
-_ONE_START = quote("variables.one_start")
+_ONE_START = quote("variables.aliases")
 _SETTABLE = quote("variables.settable")
 _ORDER = ("constant", "fixed", "tunable", "discrete", "continuous")
 _SAME_UNIT = quote("variables.same_unit")
 
 
-@check(
-    "variables.names",
-    "Variables have unique names",
-    quote("variables.names"),
-    "Rename them. With variableNamingConvention `flat`, every name is allowed.",
-    needs=("description.schema",),
-)
+@check("variables.names", needs=("description.schema",))
 def names(subject: Subject) -> CheckOutcome:
     """Check that names are unique, and structured if the FMU declares it."""
     all_names = [name for v in subject.declared.variables for name in (v.name, *v.aliases)]
@@ -52,13 +46,7 @@ def names(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, f"{len(all_names)} variables have unique names.")
 
 
-@check(
-    "variables.attributes",
-    "Attributes of variables are compatible",
-    quote("variables.attributes"),
-    "The tables in section 2.2.7 list the combinations. The default of variability is `continuous`.",
-    needs=("description.schema",),
-)
+@check("variables.attributes", needs=("description.schema",))
 def attributes(subject: Subject) -> CheckOutcome:
     """Check that causality, variability, initial and type of every variable are compatible."""
     declared = subject.declared
@@ -135,13 +123,7 @@ def _add_article(causality: str) -> str:
     return f"an {causality}" if causality[0] in "aeiou" else f"a {causality}"
 
 
-@check(
-    "variables.aliases",
-    "Variables with the same value reference are compatible",
-    _ONE_START,
-    "Use different value references, or the same unit and only one start value.",
-    needs=("description.schema",),
-)
+@check("variables.aliases", needs=("description.schema",))
 def aliases(subject: Subject) -> CheckOutcome:
     """Check that aliases agree in unit and variability, and that at most one has a start value."""
     if subject.version == 3:
