@@ -1,173 +1,30 @@
-"""All checks, in the order in which they run and appear: each check comes after those that it needs."""
+"""All checks, in the order in which they run and appear: each check comes after those that it needs.
 
-from .check import Check
-from .checks import (
-    archive,
-    behavior,
-    binaries,
-    boundary_values,
-    buffers,
-    builds,
-    calls,
-    clocks,
-    dependencies,
-    derivatives,
-    description,
-    environment,
-    events,
-    exchange,
-    imports,
-    instances,
-    iteration,
-    late_values,
-    layered,
-    listed_dependencies,
-    logs,
-    memory,
-    model_exchange,
-    model_states,
-    output_derivatives,
-    platforms,
-    process,
-    progress,
-    references,
-    related,
-    runs,
-    sanitizer,
-    semantics,
-    sharing,
-    sources,
-    starts,
-    states,
-    structure,
-    terminals,
-    ticks,
-    typed_values,
-    types,
-    units,
-    values,
-    variables,
-)
+A module in `checks` defines a check, and checks.json says where it comes in this order.
+"""
 
-STATIC: tuple[Check, ...] = (
-    archive.safe,
-    archive.format_,
-    description.readable,
-    archive.layout,
-    description.encoding,
-    description.schema,
-    description.identifier,
-    description.capabilities,
-    description.categories,
-    description.experiment,
-    types.types,
-    units.defined,
-    units.consistent,
-    variables.names,
-    variables.attributes,
-    starts.presence,
-    starts.ranges,
-    variables.aliases,
-    structure.outputs,
-    structure.derivatives,
-    structure.initial_unknowns,
-    listed_dependencies.dependencies,
-    units.derivatives,
-    clocks.clocks,
-    clocks.dimensions,
-    terminals.terminals,
-    layered.manifests,
-    semantics.semantics,
-    binaries.present,
-    platforms.platform,
-    binaries.symbols,
-    imports.imports,
-    binaries.loads,
-    platforms.version,
-    builds.description,
-    sources.compile_,
-    archive.documents,
-    related.metadata,
-)
+from importlib import import_module
+from pkgutil import iter_modules
+
+from . import checks
+from .check import TEXTS, Check
+from .checks.references import recorded
+
+_MODULES = [import_module(f"{checks.__name__}.{module.name}") for module in iter_modules(checks.__path__)]
+_BY_NAME = {c.name: c for module in _MODULES for c in vars(module).values() if isinstance(c, Check)}
+
+STATIC = tuple(_BY_NAME[name] for name in TEXTS["static"])
 """Checks of the file alone. They run no code of the FMU, except what its library does when it is loaded."""
 
-DYNAMIC: tuple[Check, ...] = (
-    environment.environment,
-    instances.created,
-    instances.guid,
-    iteration.iteration,
-    runs.completes,
-    runs.finite,
-    runs.ranges,
-    runs.deterministic,
-    progress.frozen,
-    values.starts,
-    values.kept,
-    typed_values.booleans,
-    typed_values.enumerations,
-    typed_values.strings,
-    late_values.late,
-    boundary_values.initial,
-    boundary_values.final,
-    boundary_values.direct,
-    instances.cycles,
-    memory.calls,
-    instances.independent,
-    instances.threads,
-    instances.reset,
-    values.reset,
-    sharing.shared,
-    calls.phases,
-    calls.nonfinite,
-    calls.arguments,
-    buffers.buffers,
-    buffers.empty,
-    states.restored,
-    states.serialized,
-    states.freed,
-    values.state,
-    derivatives.directional,
-    derivatives.adjoint,
-    output_derivatives.of_outputs,
-    dependencies.observed,
-    dependencies.elements,
-    exchange.order,
-    behavior.inputs,
-    behavior.interpolation,
-    exchange.split,
-    behavior.integrate,
-    progress.time,
-    events.events,
-    ticks.intervals,
-    ticks.ticks,
-    model_exchange.runs,
-    model_states.states,
-    model_exchange.split,
-    model_exchange.agrees,
-    logs.categories,
-    logs.errors,
-    process.resources,
-    process.settings,
-    process.files,
-    process.output,
-    process.unload,
-    sanitizer.address,
-    sanitizer.leaks,
-    sanitizer.undefined,
-    related.parameters,
-    related.states,
-    related.smoke_tests,
-    related.validation,
-    related.uncertainty,
-)
+DYNAMIC = tuple(_BY_NAME[name] for name in TEXTS["dynamic"])
 """Checks that call the FMU."""
 
-CHECKS: tuple[Check, ...] = (*STATIC, *DYNAMIC, references.agrees)
+RECORDED = recorded
+"""Runs instead of `CHECKS` to record references."""
+
+CHECKS = (*STATIC, *DYNAMIC, _BY_NAME["reference.agrees"])
 
 VITAL = frozenset(
     {"archive.safe", "description.readable", "binaries.loads", "instance.created", "run.completes"}
 )
 """Checks whose failure leaves nothing to run for those that need them."""
-
-RECORDED = references.recorded
-"""Runs instead of `CHECKS` to record references."""

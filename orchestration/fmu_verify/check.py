@@ -3,7 +3,6 @@
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
 from importlib import import_module
 from importlib.resources import files
 from typing import Any
@@ -12,6 +11,11 @@ import msgspec
 
 from .terms import say_in_catalogue
 from .verdict import CheckOutcome, Clause, quote
+
+TEXTS = msgspec.json.decode(
+    (files(__package__ or "") / "checks.json").read_bytes(), type=dict[str, dict[str, tuple[str, str]]]
+)
+"""Title and hint of each check by its name, by group."""
 
 Examine = Callable[[Any], CheckOutcome]
 """The function of a check. Takes a `Subject` or a `WholeSystem`."""
@@ -65,12 +69,6 @@ class Check:
         return " ".join(inspect.cleandoc(self.examine.__doc__ or "").partition("\n\n")[0].split())
 
 
-@cache
-def _read_texts() -> dict[str, tuple[str, str]]:
-    content = (files(__package__ or "") / "checks.json").read_bytes()
-    return msgspec.json.decode(content, type=dict[str, tuple[str, str]])
-
-
 def check(
     name: str, title: str = "", clause: Clause | None = None, hint: str = "", **more: Any
 ) -> Callable[[Examine], Check]:
@@ -79,7 +77,7 @@ def check(
     By default, title and hint are those in checks.json, and the clause is that in quotations.json.
     """
     if not title:
-        title, hint = _read_texts()[name]
+        title, hint = next(texts[name] for texts in TEXTS.values() if name in texts)
     clause = clause or quote(name)
     return lambda examine: Check(name, title, clause, hint, examine, **more)
 

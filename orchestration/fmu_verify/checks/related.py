@@ -165,9 +165,6 @@ def _list_gaps(reference: ReferenceSolution, trajectory: OutputTrajectory, until
         yield f"It ended at t = {end:.9g} s, not at t = {reference.stop:.9g} s: {why}."
 
 
-_HINT = "Run the experiment in a tool for the simulation of FMUs. Correct its files, or the FMU."
-
-
 @check(
     "related.smoke_tests",
     clause=quote("related.performed"),

@@ -21,8 +21,6 @@ _ALLOWED = 0.1
 """Effect of an internal solver that restarts when a state is set, relative to an output's range: up to it, a
 difference only warns. Solvers of stiff models with a loose tolerance reach several percent."""
 
-_HINT = "Copy everything that changes or was set: hidden states, random numbers, delays, the phase."
-
 
 @check("state.restored", needs=("run.deterministic",), time_factor=4.0)
 def restored(subject: Subject) -> CheckOutcome:
