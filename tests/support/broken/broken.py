@@ -1,5 +1,6 @@
 """What is wrong with an FMU that was broken on purpose, and which check has to say so."""
 
+import csv
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -33,6 +34,34 @@ class Broken:
 def name_fault(*words: str) -> str:
     """Return the name of an FMU, by its fault: StepKillGroup."""
     return "".join(word.capitalize() for word in re.split(r"[:_ .()]+", " ".join(words)))
+
+
+def read_faults(
+    fmu: str,
+    build: Callable[[Path, Mapping[str, str], str], Path],
+    settings: Mapping[str, Settings] | None = None,
+) -> list[Broken]:
+    """Read the faults of an FMU from faults.csv.
+
+    Args:
+        fmu: The FMU.
+        build: Makes an FMU in a folder, from a row of the file and with a name.
+        settings: Settings by fault. Default: the defaults of `emla verify`.
+    """
+    verdicts = {"failed": Verdict.FAILED, "warning": Verdict.WARNING, "noted": Verdict.PASSED}
+    with Path(__file__).with_name("faults.csv").open(newline="", encoding="utf-8") as stream:
+        rows = [row for row in csv.DictReader(stream) if row["fmu"] == fmu]
+    return [
+        Broken(
+            name := row["name"] or name_fault(row["fault"], row["target"]),
+            row["what"],
+            row["check"],
+            lambda folder, row=row, name=name: build(folder, row, name),
+            (settings or {}).get(row["fault"], Settings()),
+            verdicts[row["verdict"]],
+        )
+        for row in rows
+    ]
 
 
 def write_fmu(

@@ -5,6 +5,7 @@ Those with a Clock are the toy with a clock.
 
 import re
 import tempfile
+from collections.abc import Mapping
 from functools import cache, partial
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import fmpy
 from lxml import etree
 
 from fmu_verify.verdict import Verdict
-from tests.support.broken.broken import Broken
+from tests.support.broken.broken import Broken, read_faults
 from tests.support.broken.editing import (
     Build,
     Files,
@@ -126,7 +127,10 @@ def _remove_time(root: etree._Element) -> None:
         unknown.set("dependencies", " ".join(known))
 
 
-_clocked = partial(with_function, clock=INTERVAL)
+def _build(folder: Path, row: Mapping[str, str], clock: float | None) -> Path:
+    """Build the FMU with a fault of third.c, in its library or in its sources."""
+    return (with_source if row["target"] == "sources" else with_function)(row["fault"], clock)(folder)
+
 
 # fmt: off
 THIRD: list[Broken] = [
@@ -180,50 +184,8 @@ THIRD: list[Broken] = [
         _files(_renamed_platform), verdict=Verdict.WARNING),
     Broken("third-symbol", "an FMI 3.0 library without a function for Scheduled Execution",
         "binaries.symbols", _files(_rename_symbol)),
-    Broken("third-version", "`fmi3GetVersion` returns 3.1", "binaries.version", with_function("version")),
-    Broken("third-event", "a step asks for event mode that is not used", "steps.events",
-        with_function("event")),
-    Broken("third-returns", "a step returns early although the host does not allow it", "run.completes",
-        with_function("early")),
-    Broken("third-unknown-reference", "values of variables that do not exist are returned", "calls.arguments",
-        with_function("unknown"), verdict=Verdict.WARNING),
-    Broken("third-null", "FMI 3.0: `fmi3SetFloat64` of 0 variables reads an array that is NULL",
-        "calls.empty", with_function("null"), verdict=Verdict.WARNING),
-    Broken("third-not-restored", "FMI 3.0: a state that is not restored", "state.restored",
-        with_function("state")),
-    Broken("third-directional", "FMI 3.0: a directional derivative that is wrong by half",
-        "derivatives.directional", with_function("directional")),
-    Broken("third-adjoint", "an adjoint derivative that is wrong by half", "derivatives.adjoint",
-        with_function("adjoint")),
-    Broken("third-directional-second", "FMI 3.0: only the first directional derivative is right",
-        "derivatives.directional", with_function("directional_second")),
-    Broken("third-adjoint-second", "adjoint derivatives are right for the first known only",
-        "derivatives.adjoint", with_function("adjoint_second")),
-    Broken("third-reached", "FMI 3.0: `lastSuccessfulTime` is off by a constant", "steps.time",
-        with_function("reached"), verdict=Verdict.WARNING),
-    Broken("third-overrun", "FMI 3.0: `fmi3SetFloat64` writes behind allocated memory", "sanitizer.address",
-        with_source("overrun")),
-    Broken("third-leak", "FMI 3.0: each step leaves memory behind", "sanitizer.leaks", with_source("leak")),
-    Broken("third-shift", "FMI 3.0: an int is shifted by 32 bits", "sanitizer.undefined",
-        with_source("shift"), verdict=Verdict.WARNING),
-    Broken("third-element", "a dependency on an element that does not exist", "dependencies.elements",
-        with_function("element")),
-]
-
-CLOCKED: list[Broken] = [
-    Broken("clocked-interval", "a Clock with another interval than it declares", "clocks.intervals",
-        _clocked("interval")),
-    Broken("clocked-between", "a clocked output that changes between two ticks", "clocks.ticks",
-        _clocked("between")),
-    Broken("clocked-readable", "a clocked output that can be read between two ticks", "clocks.ticks",
-        _clocked("readable"), verdict=Verdict.WARNING),
-    Broken("clocked-not-restored", "an FMU with a Clock whose state is not restored", "state.restored",
-        _clocked("state")),
-    Broken("clocked-any-mode", "a Clock that can be set in step mode", "calls.phases",
-        _clocked("any_mode"), verdict=Verdict.WARNING),
-    Broken("clocked-leak", "`fmi3SetClock` leaves memory behind", "sanitizer.leaks",
-        with_source("clock_leak", INTERVAL)),
-    Broken("clocked-endless", "an update of discrete states that always asks for another one",
-        "events.iteration", _clocked("endless")),
+    *read_faults("third", lambda folder, row, _: _build(folder, row, None)),
 ]
 # fmt: on
+
+CLOCKED = read_faults("clocked", lambda folder, row, _: _build(folder, row, INTERVAL))
