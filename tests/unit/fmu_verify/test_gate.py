@@ -74,8 +74,7 @@ def test_failed_need_fails_the_report_unless_it_is_skipped(tmp_path: Path) -> No
     assert {f.check.split(".")[0] for f in report.of(Verdict.SKIPPED)} == {"run"}
     assert not report.passed
     report = examine(bad, "run", settings=Settings(skip=("archive.safe",)))
-    assert {f.verdict for f in report.findings} == {Verdict.SKIPPED}
-    assert not report.passed
+    assert {f.verdict for f in report.findings} == {Verdict.SKIPPED} and not report.passed
 
 
 def test_warnings_and_skipped_checks_can_fail(tmp_path: Path) -> None:
@@ -101,14 +100,11 @@ def test_fmu_that_ends_its_examiner_keeps_all_other_findings(tmp_path: Path) -> 
         [killer, good], only=["archive", "description.schema", "instance.environment", "binaries.loads"]
     )
     assert {f.check for f in report[killer].of(Verdict.FAILED)} == {"instance.environment"}
-    lost_check = report[killer]["instance.environment"]
-    assert (
-        lost_check.sentence.startswith("It ended the process in fmi2") or "emla verify" in lost_check.sentence
-    )
-    assert "SIGKILL" in lost_check.sentence
-    assert report[killer]["description.schema"].verdict == Verdict.PASSED
-    assert report[killer]["binaries.loads"].verdict == Verdict.PASSED
-    assert report[good].passed
+    message = report[killer]["instance.environment"].sentence
+    assert message.startswith("It ended the process in fmi2") or "emla verify" in message
+    assert "SIGKILL" in message
+    passed = {f.check for f in report[killer].of(Verdict.PASSED)}
+    assert {"description.schema", "binaries.loads"} <= passed and report[good].passed
 
 
 def test_slow_fmu_runs_for_fewer_steps(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 import ctypes
 import os
-import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +19,7 @@ from emla_cosim.fmu.elements import ElementVariable
 from fmu_verify.checks._sameness import compare_runs
 from fmu_verify.examination import examine_fmu
 from fmu_verify.host.experiment import Experiment, make_experiment, read_span
-from fmu_verify.host.fresh_process import EndedError, in_fresh_process
+from fmu_verify.host.fresh_process import in_fresh_process
 from fmu_verify.host.hosted_instance import CallError, HostedInstance
 from fmu_verify.host.instance_runs import OutputTrajectory, run_alone, step_instance
 from fmu_verify.host.junk import BYTE, fill_memory
@@ -150,26 +149,10 @@ def test_run_is_the_exact_solution(tmp_path: Path, kind: str) -> None:
     np.testing.assert_allclose(actual.values[:, :2], _exact(course), atol=2e-7)
 
 
-def test_run_ends_where_the_fmu_asks_to(tmp_path: Path) -> None:
-    """The step that it did not do has no row."""
-    actual = run_alone(_subject(tmp_path, "ASKS_TO_END"))
-    assert actual.times[-1] == pytest.approx(0.5)
-
-
 def test_error_comes_back_from_another_process(tmp_path: Path) -> None:
     with pytest.raises(CallError, match="fmi2ExitInitializationMode answered fmi2Error") as caught:
         run_alone(_subject(tmp_path, "INITIALIZATION_ERROR"))
     assert (caught.value.call, caught.value.status) == ("fmi2ExitInitializationMode", 3)
-
-
-def test_signal_that_ends_another_process_is_named() -> None:
-    with pytest.raises(EndedError) as caught:
-        in_fresh_process(_end)
-    assert caught.value.how == "SIGKILL"
-
-
-def _end() -> None:
-    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def _integrate(subject: Subject) -> np.ndarray:
@@ -220,11 +203,6 @@ def test_failed_integration_has_its_cause(
     with pytest.raises(CallError, match=message):
         instance.step(0.0, 1.0)
     instance.free()
-
-
-def test_run_can_be_cut() -> None:
-    run = OutputTrajectory(np.arange(3.0), ["y"], np.arange(3.0)[:, None])
-    assert run.until(2).values.tolist() == [[0.0], [1.0]]
 
 
 @pytest.mark.slow

@@ -48,14 +48,6 @@ def encrypted(folder: Path) -> Path:
     return path
 
 
-def with_source(name: str) -> Build:
-    return setting("//SourceFiles/File", name=name)
-
-
-def with_identifier(name: str) -> Build:
-    return setting("//CoSimulation | //ModelExchange", modelIdentifier=name)
-
-
 def a_folder(folder: Path) -> Path:
     (folder / "folder.fmu").mkdir()
     return folder / "folder.fmu"
@@ -66,6 +58,7 @@ def a_text(folder: Path) -> Path:
     return folder / "text.fmu"
 
 
+IDENTIFIER, FILE = "//CoSimulation | //ModelExchange", "//SourceFiles/File"
 READABLE, SAFE, COMPILE = "description.readable", "archive.safe", "sources.compile"
 ELSEWHERE = "is not in `sources`"
 # fmt: off
@@ -89,13 +82,13 @@ HOSTILE: dict[str, tuple[str, str, Build]] = {
     "no file": (SAFE, "", lambda folder: folder / "nowhere.fmu"),
     "folder": (SAFE, "", a_folder),
     "text": (SAFE, "", a_text),
-    "source in another folder": (COMPILE, ELSEWHERE, with_source("../Toy.c")),
-    "source with an absolute path": (COMPILE, ELSEWHERE, with_source("/etc/passwd")),
-    "source that is an option": (COMPILE, ELSEWHERE, with_source("-o")),
-    "source by a detour": (COMPILE, ELSEWHERE, with_source("fmi2_block.c/../fmi2_block.c\u0085")),
-    "identifier that is a path": ("description.identifier", "", with_identifier("../Toy")),
-    "identifier that is a pattern": ("description.identifier", "", with_identifier("*")),
-    "empty identifier": ("description.identifier", "", with_identifier("")),
+    "source in another folder": (COMPILE, ELSEWHERE, setting(FILE, name="../Toy.c")),
+    "source with an absolute path": (COMPILE, ELSEWHERE, setting(FILE, name="/etc/passwd")),
+    "source that is an option": (COMPILE, ELSEWHERE, setting(FILE, name="-o")),
+    "source by a detour": (COMPILE, ELSEWHERE, setting(FILE, name="fmi2_block.c/../fmi2_block.c\u0085")),
+    "identifier with a path": ("description.identifier", "", setting(IDENTIFIER, modelIdentifier="../Toy")),
+    "identifier with a pattern": ("description.identifier", "", setting(IDENTIFIER, modelIdentifier="*")),
+    "empty identifier": ("description.identifier", "", setting(IDENTIFIER, modelIdentifier="")),
 }
 # fmt: on
 

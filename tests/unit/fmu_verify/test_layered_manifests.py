@@ -5,13 +5,11 @@ from pathlib import Path
 import pytest
 
 from fmu_verify.verdict import Verdict
-from tests.support.broken.broken import Broken
 from tests.support.broken.editing import with_files
 from tests.support.broken.examining import examine
-from tests.support.broken.layered import LAYERED, with_manifest, write_terminal
+from tests.support.broken.layered import with_manifest, write_terminal
 
 CHECK = "layered.manifests"
-SEVERAL_LINES = {"layered-no-members"}
 
 TRANSCEIVER = write_terminal(
     "org.fmi-ls-bus.network-terminal",
@@ -51,14 +49,6 @@ def test_valid_manifests_pass(name: str, tmp_path: Path) -> None:
     assert finding.sentence == "1 manifests of layered standards are valid."
     absolute = "The related file https://example.com/requirements is not in the FMU, and was not examined."
     assert finding.outcome.gaps == ((absolute,) if name == "ref" else ())
-
-
-@pytest.mark.parametrize("broken", LAYERED, ids=lambda broken: broken.name)
-def test_faults_are_named(broken: Broken, tmp_path: Path) -> None:
-    finding = examine(broken.build(tmp_path), CHECK)[CHECK]
-    assert finding.verdict == broken.verdict, finding.sentence
-    assert finding.sentence.endswith(".")
-    assert ("There are 3 more" in finding.sentence) == (broken.name in SEVERAL_LINES), finding.sentence
 
 
 @pytest.mark.parametrize(

@@ -107,56 +107,37 @@ def test_file_says_what_was_changed(name: str, mend: Callable[..., Repair]) -> N
     assert not find_schema_problems(root, f"fmi{result.version}ModelDescription.xsd")
 
 
-def edited(path: str, fmi: int = 2, **attributes: str) -> Callable[[Path], Path]:
-    return setting(path, fmi, **attributes)
+GUID = etree.fromstring(good_files()[DESCRIPTION]).get("guid")
+DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>'
+# fmt: off
+ONE_FORM = [
+    ("/*", "generationDateAndTime", "2015-06-01 12:00:00", "2015-06-01T12:00:00Z"),
+    ("/*", "generationDateAndTime", "2015-06-01T12:00:00+0200", "2015-06-01T10:00:00Z"),
+    ("//ScalarVariable[@name='force']", "causality", "Input", "input"),
+    ("//CoSimulation", "canGetAndSetFMUstate", "True", "true"),
+    ("//ScalarVariable[@name='x']/Real", "declaredType", "LENGTH", "Length"),
+    ("/*", "guid", GUID.upper(), GUID),
+    ("//CoSimulation | //ModelExchange", "modelIdentifier", "TOY", "Toy"),
+]
+# fmt: on
 
 
-@pytest.mark.parametrize(
-    ("build", "expected"),
-    [
-        (
-            edited("/*", generationDateAndTime="2015-06-01 12:00:00"),
-            (
-                "2015-06-01 12:00:00",
-                "2015-06-01T12:00:00Z",
-            ),
-        ),
-        (
-            edited("/*", generationDateAndTime="2015-06-01T12:00:00+0200"),
-            ("2015-06-01T12:00:00+0200", "2015-06-01T10:00:00Z"),
-        ),
-        (edited("//ScalarVariable[@name='force']", causality="Input"), ("Input", "input")),
-        (edited("//CoSimulation", canGetAndSetFMUstate="True"), ("True", "true")),
-        (edited("//ScalarVariable[@name='x']/Real", declaredType="LENGTH"), ("LENGTH", "Length")),
-        (
-            with_text('<?xml version="1.0" encoding="UTF-8"?>', ""),
-            ("", '<?xml version="1.0" encoding="UTF-8"?>'),
-        ),
-    ],
-    ids=["date", "zone", "word", "boolean", "type", "declaration"],
-)
+@pytest.mark.parametrize(("path", "attribute", "old", "new"), ONE_FORM, ids=[row[2] for row in ONE_FORM])
 def test_texts_with_one_right_form(
-    build: Callable[[Path], Path], expected: tuple[str, str], mend: Callable[..., Repair]
+    path: str, attribute: str, old: str, new: str, mend: Callable[..., Repair]
 ) -> None:
-    result = mend(build)
-    assert texts(result) == [expected]
+    """The case of the GUID and of the identifier is that of the library."""
+    result = mend(setting(path, **{attribute: old}))
+    assert set(texts(result)) == {(old, new)}
     assert not result.remaining
 
 
-def test_guid_takes_the_case_of_the_library(mend: Callable[..., Repair]) -> None:
-    guid = etree.fromstring(good_files()[DESCRIPTION]).get("guid")
-    result = mend(edited("/*", guid=guid.upper()))
-    assert texts(result) == [(guid.upper(), guid)]
-    assert result.changes[0].check == "instance.guid"
+def test_missing_declaration_is_written(mend: Callable[..., Repair]) -> None:
+    assert texts(mend(with_text(DECLARATION, ""))) == [("", DECLARATION)]
 
 
 def test_guid_that_no_library_has_stays(mend: Callable[..., Repair]) -> None:
-    assert not mend(edited("/*", guid="{01234567-89ab-cdef-0123-456789abcdef}")).changes
-
-
-def test_identifier_takes_the_case_of_the_library(mend: Callable[..., Repair]) -> None:
-    result = mend(edited("//CoSimulation | //ModelExchange", modelIdentifier="TOY"))
-    assert texts(result) == [("TOY", "Toy")] * 2
+    assert not mend(setting("/*", guid="{01234567-89ab-cdef-0123-456789abcdef}")).changes
 
 
 def test_identifier_stays_if_libraries_disagree(mend: Callable[..., Repair]) -> None:
