@@ -24,9 +24,7 @@ def read_build_description(subject: Subject) -> Any:
         SyntaxError: It is not XML.
     """
     path = subject.folder / BUILD_DESCRIPTION
-    if not path.is_file():
-        return None
-    return parse_xml(path.read_bytes())
+    return parse_xml(path.read_bytes()) if path.is_file() else None
 
 
 def list_source_files(subject: Subject) -> list[str]:

@@ -63,16 +63,13 @@ def examine_jobs(channel: Channel, folder: str) -> None:
 
 def _examine(job: ExaminerJob, on_finding: Callable[[Finding], None]) -> Examined | RunError:
     try:
-        return _examine_file(job, on_finding)
+        with tempfile.TemporaryDirectory(prefix="emla-verify-", ignore_cleanup_errors=True) as name:
+            folder = Path(name).resolve()
+            if job.system is not None:
+                return examine_system(job.path, job.system, job.settings, folder, on_finding)
+            subject = Subject(job.path, folder / "fmu", job.settings)
+            return examine_fmu(subject, on_finding, job.earlier_findings)
     except Exception as error:
         if (fault := find_machine_fault(error)) is None:
             raise
         return RunError(f"'{job.name}' could not be verified on this machine: {fault.strerror}.")
-
-
-def _examine_file(job: ExaminerJob, on_finding: Callable[[Finding], None]) -> Examined:
-    with tempfile.TemporaryDirectory(prefix="emla-verify-", ignore_cleanup_errors=True) as folder:
-        if job.system is not None:
-            return examine_system(job.path, job.system, job.settings, Path(folder).resolve(), on_finding)
-        subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
-        return examine_fmu(subject, on_finding, job.earlier_findings)

@@ -109,12 +109,6 @@ def _describe_finding(examined: Examined, finding: Finding) -> dict[str, Any]:
 
 
 def _describe_comparison(comparison: Comparison) -> dict[str, Any]:
-    return {
-        "signal": comparison.signal,
-        "unit": comparison.unit,
-        "inside": comparison.inside,
-        "worst": comparison.worst,
-        "worst_at": comparison.worst_at,
-        "left_at": comparison.left_at,
-        "tube": {"value": comparison.tube.value, "time": comparison.tube.time},
-    }
+    names = ("signal", "unit", "inside", "worst", "worst_at", "left_at")
+    tube = {"value": comparison.tube.value, "time": comparison.tube.time}
+    return {**{name: getattr(comparison, name) for name in names}, "tube": tube}

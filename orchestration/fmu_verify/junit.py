@@ -47,10 +47,9 @@ def _build_suite(examined: Examined, name: str, report: Findings) -> Any:
     properties.extend(_make_element("property", name=fact, value=value) for fact, value in facts.items())
     suite.append(properties)
     suite.extend(_build_case(examined, finding, _make_class_name(name)) for finding in examined.findings)
+    class_name = _make_class_name(name)
     for sentence in examined.objections:  # why an FMU does not pass although no check failed
-        case = _make_element(
-            "testcase", classname=_make_class_name(name), name="fully verified", time=_format_seconds(0.0)
-        )
+        case = _make_element("testcase", classname=class_name, name="fully verified", time="0.000")
         case.append(_make_element("failure", sentence, type="not passed", message=sentence))
         suite.append(case)
     if examined.not_examined:
@@ -64,19 +63,14 @@ def _make_class_name(label: str) -> str:
 
 
 def _build_case(examined: Examined, finding: Finding, class_name: str) -> Any:
-    case = _make_element(
-        "testcase", classname=class_name, name=finding.check, time=_format_seconds(finding.seconds)
-    )
+    seconds, text = _format_seconds(finding.seconds), explain_finding(examined, finding)
+    case = _make_element("testcase", classname=class_name, name=finding.check, time=seconds)
     if finding.verdict == Verdict.FAILED:
-        case.append(
-            _make_element(
-                "failure", explain_finding(examined, finding), type=finding.check, message=finding.sentence
-            )
-        )
+        case.append(_make_element("failure", text, type=finding.check, message=finding.sentence))
     elif finding.verdict == Verdict.SKIPPED:
         case.append(_make_element("skipped", message=finding.sentence))
     elif finding.verdict == Verdict.WARNING:
-        case.append(_make_element("system-out", f"Warning: {explain_finding(examined, finding)}"))
+        case.append(_make_element("system-out", f"Warning: {text}"))
     return case
 
 

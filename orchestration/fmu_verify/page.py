@@ -88,10 +88,7 @@ class _FmuPart:
         rows_by_group: dict[str, list[_FindingRow]] = {}
         for row in self.rows:
             rows_by_group.setdefault(row.finding.check.partition(".")[0], []).append(row)
-        return {
-            name: _CheckGroup(f"{self.id}-{_make_id(name)}-checks", rows)
-            for name, rows in rows_by_group.items()
-        }
+        return {n: _CheckGroup(f"{self.id}-{_make_id(n)}-checks", rows) for n, rows in rows_by_group.items()}
 
 
 @dataclass(frozen=True)
@@ -136,21 +133,12 @@ def _make_id(name: str) -> str:
 
 def describe_verdict(report: Findings) -> str:
     """Return the verdict on all FMUs as a message without a full stop."""
-    message = _describe_verdict_of_all(report)
-    return message if report.complete else f"Interrupted: {message[0].lower()}{message[1:]}"
-
-
-def _describe_verdict_of_all(report: Findings) -> str:
     count, thing = len(report.examined), _name_subject(report)
     failed_count = sum(not examined.passed for examined in report.examined)
-    verb = "failed" if failed_count else "passed"
-    if count == 1:
-        return f"The {thing} {verb}"
-    return (
-        f"{failed_count} of {count} {thing}s {verb}"
-        if 0 < failed_count < count
-        else f"All {count} {thing}s {verb}"
-    )
+    who = f"{failed_count} of {count} {thing}s" if 0 < failed_count < count else f"All {count} {thing}s"
+    who = f"The {thing}" if count == 1 else who
+    message = f"{who} {'failed' if failed_count else 'passed'}"
+    return message if report.complete else f"Interrupted: {message[0].lower()}{message[1:]}"
 
 
 def _name_subject(report: Findings) -> str:
@@ -162,9 +150,7 @@ def _name_subject(report: Findings) -> str:
 def _format_time(text: str) -> dict[str, Any]:
     """Format an ISO time for machines and for people; keep any other text."""
     try:
-        return {
-            "machine": text,
-            "people": datetime.fromisoformat(text).strftime("%d %B %Y, %H:%M %Z").lstrip("0"),
-        }
+        people = datetime.fromisoformat(text).strftime("%d %B %Y, %H:%M %Z").lstrip("0")
+        return {"machine": text, "people": people}
     except ValueError:
         return {"machine": None, "people": text}

@@ -56,18 +56,15 @@ def render(report: Findings) -> str:
     notes = [f"{examined.label}: {gap}" for examined in report.examined for gap in examined.not_examined]
     notes += [f"{left_out} more results were left out."] if left_out > 0 else []
     notes += [] if report.complete else ["Interrupted before all checks were done."]
+    invocation = {
+        "executionSuccessful": report.complete,
+        "exitCode": 0 if report.passed else 1,
+        **_describe_start(report.started),
+        "toolExecutionNotifications": [{"level": "note", "message": _make_message(note)} for note in notes],
+    }
     run = {
         "tool": {"driver": {"name": SARIF_TOOL, "version": report.version, "rules": rules}},
-        "invocations": [
-            {
-                "executionSuccessful": report.complete,
-                "exitCode": 0 if report.passed else 1,
-                **_describe_start(report.started),
-                "toolExecutionNotifications": [
-                    {"level": "note", "message": _make_message(note)} for note in notes
-                ],
-            }
-        ],
+        "invocations": [invocation],
         "columnKind": "unicodeCodePoints",
         "results": results[:_MOST_RESULTS],
     }
@@ -95,12 +92,9 @@ def _make_result(
     examined: Examined, rule: str, level: str, text: str, signals: list[dict[str, str]] | None = None
 ) -> dict[str, Any]:
     address = _make_address(examined.file)
-    key = "\0".join((rule, address, "" if examined.file == examined.path else examined.path.name))
-    inner = (
-        []
-        if examined.file == examined.path
-        else [{"name": make_visible(examined.path.name), "kind": "resource"}]
-    )
+    inside = "" if examined.file == examined.path else examined.path.name
+    key = "\0".join((rule, address, inside))
+    inner = [{"name": make_visible(inside), "kind": "resource"}] if inside else []
     location: dict[str, Any] = {
         "physicalLocation": {"artifactLocation": {"uri": address}, "region": dict(_START)},
     }
@@ -120,10 +114,8 @@ def _make_result(
 
 def _list_signals(finding: Finding) -> list[dict[str, str]]:
     """Return the signals that left their tubes."""
-    names = [comparison.signal for comparison in finding.outcome.comparisons if not comparison.inside][
-        :_MOST_SIGNALS
-    ]
-    return [{"fullyQualifiedName": make_visible(name), "kind": "variable"} for name in names]
+    names = [c.signal for c in finding.outcome.comparisons if not c.inside]
+    return [{"fullyQualifiedName": make_visible(n), "kind": "variable"} for n in names[:_MOST_SIGNALS]]
 
 
 def _list_rules(report: Findings) -> list[dict[str, Any]]:

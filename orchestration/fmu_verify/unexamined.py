@@ -1,10 +1,11 @@
 """List what an examination could not judge: the section *Not examined* of a report."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import fmpy
 
 from .confinement import list_gaps
+from .declarations import DeclaredVariable
 from .findings import Finding
 from .libraries import list_platforms
 from .messages import join_few_names
@@ -52,27 +53,22 @@ def _find_parts_of_version_3(subject: Subject) -> Iterator[str]:
     """Yield what FMI 3.0 has and no check that calls the FMU uses."""
     if subject.known_version != 3 or "declared" not in vars(subject):
         return
-    variables = subject.declared.variables
-    variables_by_label = {
-        "Values of Binary variables": [v for v in variables if v.type == "Binary"],
-        "Values of arrays of Strings": [v for v in variables if v.type == "String" and v.dimensions],
-        "Other values of structural parameters": [
-            v for v in variables if v.causality == "structuralParameter"
-        ],
-        "Values during intermediate updates": [
-            v for v in variables if v.own_attributes.get("intermediateUpdate") in ("true", "1")
-        ],
+    predicates: dict[str, Callable[[DeclaredVariable], bool]] = {
+        "Values of Binary variables": lambda v: v.type == "Binary",
+        "Values of arrays of Strings": lambda v: v.type == "String" and bool(v.dimensions),
+        "Other values of structural parameters": lambda v: v.causality == "structuralParameter",
+        "Values during intermediate updates": lambda v: (
+            v.own_attributes.get("intermediateUpdate") in ("true", "1")
+        ),
     }
-    for label, unexamined in variables_by_label.items():
-        if unexamined:
-            yield f"{label} were not examined: {join_few_names([v.name for v in unexamined])}."
+    for label, is_unexamined in predicates.items():
+        if names := [v.name for v in subject.declared.variables if is_unexamined(v)]:
+            yield f"{label} were not examined: {join_few_names(names)}."
 
 
 def _find_other_platforms(subject: Subject) -> Iterator[str]:
     """Yield the platforms whose binaries were only read."""
-    platforms = [
-        p.name for p in list_platforms(subject) if p.name not in (fmpy.platform, fmpy.platform_tuple)
-    ]
-    if platforms:
+    here = (fmpy.platform, fmpy.platform_tuple)
+    if platforms := [p.name for p in list_platforms(subject) if p.name not in here]:
         names = join_few_names(platforms)
         yield f"Binaries for {names} were read, but not run on this {fmpy.platform} machine."

@@ -139,6 +139,11 @@ def skipped(sentence: str, **more: Any) -> CheckOutcome:
     return CheckOutcome(Verdict.SKIPPED, sentence, **more)
 
 
+def unjudged(sentence: str) -> CheckOutcome:
+    """Return an outcome: the check does not apply, which the report lists under *Not examined*."""
+    return skipped(sentence, gaps=(sentence,))
+
+
 def blocked(sentence: str, **more: Any) -> CheckOutcome:
     """Return an outcome: the check applies, but cannot run. `sentence` is the reason."""
     return CheckOutcome(Verdict.SKIPPED, sentence, blocked=True, **more)

@@ -100,16 +100,13 @@ def _judge_transceiver(
             if variable.causality != causality:
                 message = f"{member} of the bus terminal {name} has the causality {variable.causality}"
                 yield Breach(f"{message}, not {causality}.", _TX if causality == "output" else _RX)
-    binaries = [
-        v for way in _CLOCKED if (v := variables.get(variable_names.get(f"{way}_Data", ""))) is not None
-    ]
+    binaries = [v for way in _CLOCKED if (v := variables.get(variable_names.get(f"{way}_Data", "")))]
     types = [v.attributes.get("mimeType", "application/octet-stream") for v in binaries if v.type == "Binary"]
     buses = [match[1] for type_ in types if (match := _BUS_TYPE.fullmatch(type_))]
     if len(buses) < len(types):
         wrong_type = next(type_ for type_ in types if not _BUS_TYPE.fullmatch(type_))
-        yield Breach(
-            f"Data of the bus terminal {name} have the mimeType {wrong_type}, which is of no bus.", _MIME
-        )
+        message = f"Data of the bus terminal {name} have the mimeType {wrong_type}, which is of no bus."
+        yield Breach(message, _MIME)
     elif len(set(buses)) > 1:
         yield Breach(f"Data of the bus terminal {name} have the mimeTypes of {' and '.join(buses)}.", _MIME)
     for way, clause in _CLOCKED.items():
@@ -133,12 +130,10 @@ def judge_maps(subject: Subject) -> Iterator[Problem]:
             continue
         members: list[Member] = []
         for member in _list_members(terminal):
-            member_kind, variable = member.get("variableKind", ""), variables.get(member.get("variableName"))
-            allowed = {*_PAIRS, *_PAIRS.values()}
+            member_kind, label = member.get("variableKind", ""), member.get("variableName")
+            allowed, variable = {*_PAIRS, *_PAIRS.values()}, variables.get(label)
             if member_kind.startswith(STRUCT) and member_kind.removeprefix(_MAP) not in allowed:
-                message = (
-                    f"{member.get('variableName')} of the terminal {name} has the variableKind {member_kind}"
-                )
+                message = f"{label} of the terminal {name} has the variableKind {member_kind}"
                 yield Breach(f"{message}, which does not exist.", _KINDS)
             elif member_kind.startswith(_MAP) and variable is not None:
                 members.append((member_kind.removeprefix(_MAP), variable))

@@ -53,9 +53,8 @@ def _judge_interface(interface: Any, folder: Path, subject: Subject) -> Iterator
             yield Breach(f"{who} has no such file, also not in the folder of a platform.", _VALID)
         for file in files:
             if _INCLUDE.search(file.read_bytes()):
-                yield Breach(
-                    f"{file.relative_to(folder).as_posix()} includes another A2L file.", _SINGLE_FILE
-                )
+                message = f"{file.relative_to(folder).as_posix()} includes another A2L file."
+                yield Breach(message, _SINGLE_FILE)
     flags = ("containsXCPService", "supportsDirectMemoryAccess")
     if not any(interface.get(flag) in ("true", "1") for flag in flags):
         yield Breach(f"{who} sets neither {flags[0]} nor {flags[1]}.", _VALID)

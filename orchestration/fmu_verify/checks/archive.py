@@ -19,14 +19,8 @@ _MAX_UNCHECKED_SIZE = 256 * 2**20
 _MAX_RATIO = 100
 """Largest compression ratio of archives that unpack to more than `_MAX_UNCHECKED_SIZE`."""
 _STANDARD_ENTRIES = (
-    "modelDescription.xml",
-    "model.png",
-    "documentation",
-    "sources",
-    "binaries",
-    "resources",
-    "extra",
-    "terminalsAndIcons",
+    *("modelDescription.xml", "model.png", "documentation", "sources", "binaries", "resources"),
+    *("extra", "terminalsAndIcons"),
 )
 _STANDARD_FILES = (
     "documentation/index.html",
@@ -71,7 +65,9 @@ def safe(subject: Subject) -> CheckOutcome:
     except Exception as error:  # whatever zip readers raise
         if find_machine_fault(error) is not None:
             raise
-        return failed(f"It cannot be unpacked: {_describe_error(error)}.")
+        message = error.strerror if isinstance(error, OSError) else str(error)
+        reason = shorten_sentence(message or type(error).__name__).rstrip(".")
+        return failed(f"It cannot be unpacked: {reason}.")
     return judge_problems((), f"Its {len(entries)} entries were unpacked.", _find_colliding(entries))
 
 
@@ -86,9 +82,8 @@ def _is_lfs_pointer(path: Path) -> bool:
 def _check_entries(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:
     """Raise UnsafeArchiveError for repeated entries and zip bombs, which `unpack` allows."""
     if repeated := find_repeated(e.filename for e in entries if not e.is_dir()):
-        raise UnsafeArchiveError(
-            f"has more than one entry '{repeated[0]}'; tools differ in which one they read"
-        )
+        message = f"has more than one entry '{repeated[0]}'; tools differ in which one they read"
+        raise UnsafeArchiveError(message)
     size, archive_size = sum(e.file_size for e in entries), path.stat().st_size
     if size > max(_MAX_UNCHECKED_SIZE, _MAX_RATIO * archive_size):
         raise UnsafeArchiveError(
@@ -176,11 +171,6 @@ def _find_missing_companions(folder: Path) -> Iterator[Problem]:
     if licences.is_dir() and not any((licences / f"license.{kind}").is_file() for kind in _LICENCE_KINDS):
         names = " or ".join(f"license.{kind}" for kind in _LICENCE_KINDS)
         yield Breach(f"documentation/licenses has no {names}.", quote("archive.licence"))
-
-
-def _describe_error(error: Exception) -> str:
-    message = error.strerror if isinstance(error, OSError) else str(error)
-    return shorten_sentence(message or type(error).__name__).rstrip(".")
 
 
 @check("documents.present", needs=("description.readable",))

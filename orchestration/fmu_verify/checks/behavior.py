@@ -17,7 +17,7 @@ from ..host.instance_runs import take_in_time, walk
 from ..host.other_values import Values, choose_other, list_other_values, list_settable, read_start
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, noted, passed, quote, skipped, warned
+from ..verdict import CheckOutcome, failed, noted, passed, quote, skipped, unjudged, warned
 
 _TIME_FRACTION = 0.5
 """Part of the time limit in which runs are repeated with other inputs."""
@@ -44,12 +44,11 @@ def integrate(subject: Subject) -> CheckOutcome:
         return skipped("The FMU is for Model Exchange: the host integrates it.")
     if subject.has_clocks:
         message = "Its Clocks may change derivatives within a step: only a reference shows what steps do."
-        return skipped(message, gaps=(message,))
+        return unjudged(message)
     pairs = [(v.derivative, v) for v in subject.description.modelVariables if v.derivative is not None]
     pairs = [(x, d) for x, d in pairs if x.type == "Real"][:_MOST_PAIRS]
     if not pairs:
-        message = "No variable is declared as a derivative: only a reference shows what steps do."
-        return skipped(message, gaps=(message,))
+        return unjudged("No variable is declared as a derivative: only a reference shows what steps do.")
     inputs = list_other_values(v for v in list_settable(subject, "input", most=None) if v.type == "Real")
     runs = [{}, *({name: value} for name, value in list(inputs.items())[:_MOST_INPUTS])]
     step = read_span(subject)[1]
@@ -125,14 +124,12 @@ def inputs(subject: Subject) -> CheckOutcome:
         return skipped("It has no input with another valid value, or nothing that could depend on it.")
     effect = _has_effect(subject, variables, names)
     if effect is None:
-        message = "There was no time to move its inputs."
-        return skipped(message, gaps=(message,))
+        return unjudged("There was no time to move its inputs.")
     if not effect:
         message, dependencies = f"No input changed anything in {_STEPS} steps", _list_dependencies(subject)
         if declared := [v.name for v in variables if v.name in dependencies]:
             return warned(f"{message}, although {declared[0]} is a dependency.")
-        message = f"{message}: only a reference shows if one should."
-        return skipped(message, gaps=(message,))
+        return unjudged(f"{message}: only a reference shows if one should.")
     examined, limit = variables[:_MOST_INPUTS], _TIME_FRACTION * subject.settings.seconds
     bases = _Cached(_run_bases(subject, examined, names))
     unused, examined_count, steps = [], 0, _STEPS

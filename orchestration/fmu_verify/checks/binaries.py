@@ -3,7 +3,6 @@
 import ctypes
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 import fmpy
@@ -46,9 +45,8 @@ def present(subject: Subject) -> CheckOutcome:
     if missing_kinds and not sources and not problems:
         folders = ", ".join(p.name for p in list_platforms(subject)) or "no platform"
         name = subject.tree.find(missing_kinds[0]).get("modelIdentifier")
-        return failed(
-            f"There are binaries for {folders}, but none has the name {name}, and there are no sources."
-        )
+        message = f"There are binaries for {folders}, but none has the name {name}, and there are no sources."
+        return failed(message)
     names = join_few_names(sorted({library.platform for library in libraries}))
     message = f"There are binaries for {names}."
     if not libraries:
@@ -84,7 +82,8 @@ def _find_misnamed(subject: Subject) -> Iterator[_Misnamed]:
             expected = join_few_names(sorted(f"{name}{suffix}" for name in names - found_names))
             yield _Misnamed(folder.name, f"binaries/{folder.name} has no {expected}.", False)
             continue
-        similar = [p for p in files if _has_similar_name(p, names) and not describe_mismatch(p, folder.name)]
+        stems = {prefix + name.casefold() for name in names for prefix in ("", "lib")}
+        similar = [p for p in files if p.stem.casefold() in stems and not describe_mismatch(p, folder.name)]
         if not similar and any(describe_mismatch(p, folder.name) for p in files):
             continue  # `binaries.platform` reports it
         expected = join_few_names(sorted(f"{name}{suffix}" for name in names))
@@ -94,24 +93,13 @@ def _find_misnamed(subject: Subject) -> Iterator[_Misnamed]:
         yield _Misnamed(folder.name, message, bool(similar) and not is_found)  # Windows ignores the case
 
 
-def _has_similar_name(path: Path, names: set[str]) -> bool:
-    stem = path.stem.casefold()
-    return any(name.casefold() in (stem, stem.removeprefix("lib")) for name in names)
-
-
 @check("binaries.symbols", needs=("binaries.present",))
 def symbols(subject: Subject) -> CheckOutcome:
     """Check that each library exports every FMI function for the kinds of the FMU."""
-    libraries = [
-        library
-        for library in list_libraries(subject)
-        if not describe_mismatch(library.path, library.platform)
-    ]
+    libraries = [c for c in list_libraries(subject) if not describe_mismatch(c.path, c.platform)]
     if not libraries:
         return skipped("There are no binaries.")
-    problems = [
-        (library, p) for library in libraries for p in _find_missing_functions(library, subject.version)
-    ]
+    problems = [(c, p) for c in libraries for p in _find_missing_functions(c, subject.version)]
     fine = f"All functions are exported by {join_few_names([str(library) for library in libraries])}."
     outcome = judge_problems([p for _, p in problems], fine)
     return replace(outcome, blocks=any(library.platform in _THIS_PLATFORM for library, _ in problems))
@@ -150,8 +138,7 @@ def loads(subject: Subject) -> CheckOutcome:
         except (OSError, UnicodeDecodeError) as error:  # the loader's message can quote bytes of the library
             fact, remedy = diagnose_library(library.path, error)
             sentence = shorten_sentence(f"{library} {fact}")
-            dependencies_file = find_dependencies_file(subject)
-            if dependencies_file:
+            if dependencies_file := find_dependencies_file(subject):
                 return blocked(f"{sentence}; {dependencies_file} lists what it needs.")
             return failed(f"{sentence}.", hint=remedy)
     if subject.description_problem:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 from ..check import check
 from ..host.experiment import make_experiment
@@ -27,11 +26,8 @@ def initial(subject: Subject) -> CheckOutcome:
     instance.begin_initialization(start, None, tolerance, lambda: instance.set(course.at(0)))
     values = dict(zip(names, instance.get(names), strict=True))
     instance.free()
-    warnings = [
-        f"{name} is {value:g} in initialization mode."
-        for name, value in values.items()
-        if not math.isfinite(value)
-    ]
+    infinite = {name: value for name, value in values.items() if not math.isfinite(value)}
+    warnings = [f"{name} is {value:g} in initialization mode." for name, value in infinite.items()]
     gaps = list_left_out(len(names), len(output_names), "outputs were read in initialization mode.")
     return judge_problems((), f"{len(names)} outputs are finite in initialization mode.", warnings, gaps)
 
@@ -42,9 +38,8 @@ def final(subject: Subject) -> CheckOutcome:
     if subject.has_clocks:
         return skipped("Values of clocked variables need not be readable between ticks.")
     instance, course = HostedInstance(subject), make_experiment(subject, _STEPS)
-    variable_names = [
-        v.name for v in subject.description.modelVariables if v.causality in ("output", "input", "parameter")
-    ]
+    variables = subject.description.modelVariables
+    variable_names = [v.name for v in variables if v.causality in ("output", "input", "parameter")]
     names = variable_names[:_MAX_VARIABLES]
     instance.initialize(course.at(0), float(course.times[0]))
     step_instance(instance, course)
@@ -78,7 +73,10 @@ def direct(subject: Subject) -> CheckOutcome:
     warnings = list[str]()
     for known, names in pairs:
         (old,), before = instance.get([known]), instance.get(names)
-        instance.set({known: _choose_new_value(subject, known, old)})
+        variable = subject.variables[known]
+        other_value = choose_other(variable)
+        is_other = are_same(other_value, old)
+        instance.set({known: float(str(variable.start)) if is_other else other_value})
         after = instance.get(names)
         instance.set({known: old})
         warnings += [
@@ -90,13 +88,6 @@ def direct(subject: Subject) -> CheckOutcome:
     instance.free()
     gaps = list_left_out(len(pairs), len(all_pairs), "inputs were set.")
     return judge_problems((), f"Outputs follow {len(pairs)} inputs at once.", warnings, gaps)
-
-
-def _choose_new_value(subject: Subject, name: str, value: Any) -> Any:
-    """Return the start value, another one, whichever is not the present value."""
-    variable = subject.variables[name]
-    other_value = choose_other(variable)
-    return float(str(variable.start)) if are_same(other_value, value) else other_value
 
 
 def _list_pairs(subject: Subject) -> Iterator[tuple[str, list[str]]]:

@@ -65,10 +65,8 @@ def buffers(subject: Subject) -> CheckOutcome:
         assert model is not None
         listed = int(subject.description.numberOfEventIndicators or 0)
         if model.indicator_count != listed:
-            problems.append(
-                f"It says that it has {model.indicator_count} event indicators; modelDescription.xml lists "
-                f"{listed}."
-            )
+            message = f"It says that it has {model.indicator_count} event indicators; modelDescription.xml"
+            problems.append(f"{message} lists {listed}.")
         for description, call, count in (
             ("states", model.read_states, model.state_count),
             ("derivatives", model.derive, model.state_count),
@@ -78,9 +76,8 @@ def buffers(subject: Subject) -> CheckOutcome:
             block = _allocate_guarded(8 * count)
             with instance.calling():
                 call(ctypes.addressof(block))
-            problems += _describe_overrun(
-                block, f"The function for {description}, of which there are {count},"
-            )
+            function = f"The function for {description}, of which there are {count},"
+            problems += _describe_overrun(block, function)
         instance.free()
     return judge_problems(problems, f"{tried_count} functions wrote only the values that they return.")
 

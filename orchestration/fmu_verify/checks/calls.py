@@ -79,12 +79,8 @@ def phases(subject: Subject) -> CheckOutcome:
 
 def _find_accepted(subject: Subject) -> tuple[int, list[str]]:
     """Return the number of calls, and those that returned fmi2OK."""
-    calls = [
-        *_OF_BOTH,
-        *_OF[subject.kinds[0]],
-        *_yield_parameter_calls(subject),
-        *_yield_clock_calls(subject),
-    ]
+    calls = [*_OF_BOTH, *_OF[subject.kinds[0]]]
+    calls += [*_yield_parameter_calls(subject), *_yield_clock_calls(subject)]
     calls = [f for f in calls if subject.version == 2 or f.function != "fmi2SetupExperiment"]
     accepted = [
         f"{f.function} {f.phase}" for f in calls if in_separate_process(_call_in_phase, subject, f) in FINE
@@ -152,9 +148,8 @@ def nonfinite(subject: Subject) -> CheckOutcome:
     variables = [*subject.of_causality("input"), *subject.of_causality("parameter")]
     variables = [v for v in variables if v.variability != "constant" and v.start is not None]
     try:
-        accepted, variable_count = in_fresh_process(
-            _find_accepted_values, subject, variables[:_MOST_VARIABLES]
-        )
+        tried = variables[:_MOST_VARIABLES]
+        accepted, variable_count = in_fresh_process(_find_accepted_values, subject, tried)
     except EndedError as error:
         return warned(str(error), clause=RETURNS)
     gaps = list_left_out(variable_count, len(variables), "inputs and parameters were set to NaN.")
@@ -163,9 +158,8 @@ def nonfinite(subject: Subject) -> CheckOutcome:
             f"The FMU accepted {len(accepted)} values that are not finite, without a message: {accepted[0]}"
         )
         return noted(message, details=tuple(accepted), gaps=gaps)
-    return passed(
-        f"{variable_count} inputs and parameters were set to NaN and infinity, without harm.", gaps=gaps
-    )
+    message = f"{variable_count} inputs and parameters were set to NaN and infinity, without harm."
+    return passed(message, gaps=gaps)
 
 
 def _find_accepted_values(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list[str], int]:

@@ -34,12 +34,10 @@ def clocks(subject: Subject) -> CheckOutcome:
     ]
     for index in find_repeated(v.previous for v in clocked if v.previous is not None):
         previous = declared.variable(index) or index
-        problems.append(
-            Breach(f"More than one variable has the previous value {previous}.", _SINGLE_PREVIOUS)
-        )
-    return judge_problems(
-        problems, f"{len(clock_variables)} Clocks and {len(clocked)} clocked variables are compatible."
-    )
+        message = f"More than one variable has the previous value {previous}."
+        problems.append(Breach(message, _SINGLE_PREVIOUS))
+    fine = f"{len(clock_variables)} Clocks and {len(clocked)} clocked variables are compatible."
+    return judge_problems(problems, fine)
 
 
 def _judge_clock(clock: DeclaredVariable) -> Iterator[Problem]:
@@ -69,10 +67,8 @@ def _judge_fractions(clock: DeclaredVariable, kind: str) -> Iterator[Problem]:
     """Yield what is wrong with the interval and the shift as fractions."""
     attributes = clock.attributes
     resolution = attributes.get("resolution")
-    for attribute, decimal_attribute in (
-        ("intervalCounter", "intervalDecimal"),
-        ("shiftCounter", "shiftDecimal"),
-    ):
+    for name in ("interval", "shift"):
+        attribute, decimal_attribute = f"{name}Counter", f"{name}Decimal"
         counter, decimal = attributes.get(attribute), attributes.get(decimal_attribute)
         if counter is None:
             continue
@@ -112,9 +108,8 @@ def _judge_previous(variable: DeclaredVariable, declared: Declarations) -> Itera
         yield Breach(f"{variable} has a previous value, but is {variable.variability}.", _DISCRETE)
     previous = declared.variable(variable.previous)
     if previous is None:
-        yield Breach(
-            f"The previous value of {variable} is {declared.describe_missing(variable.previous)}.", _SAME_TYPE
-        )
+        missing = declared.describe_missing(variable.previous)
+        yield Breach(f"The previous value of {variable} is {missing}.", _SAME_TYPE)
     elif previous.index == variable.index:
         yield Breach(f"{variable} is its own previous value.", quote("clocks.itself"))
     elif (

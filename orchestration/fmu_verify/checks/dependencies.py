@@ -1,5 +1,6 @@
 """Compare the declared dependencies of the model structure with observed ones."""
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any
@@ -104,11 +105,7 @@ def _find_changes(point: Point) -> Iterator[tuple[str, str]]:
         except CallError:  # outside of the values that the FMU accepts
             continue
         has_changed = np.abs(after - before) > _MIN_EFFECT * np.maximum(np.abs(before), np.abs(after))
-        yield from (
-            (name, known)
-            for name, is_different in zip(point.unknowns, has_changed, strict=True)
-            if is_different
-        )
+        yield from ((name, known) for name in itertools.compress(point.unknowns, has_changed))
 
 
 def _observe_all_types(subject: Subject) -> Pairs:
@@ -130,9 +127,8 @@ def _observe_in_initialization(subject: Subject) -> Pairs:
     instance = HostedInstance(subject)
     instance.begin_initialization(read_span(subject)[0])
     knowns = list_settable(subject, "input", "parameter")
-    return _find_excluded_changes(
-        instance, at_initialization(subject, ALL_TYPES), knowns, "in initialization mode"
-    )
+    declared = at_initialization(subject, ALL_TYPES)
+    return _find_excluded_changes(instance, declared, knowns, "in initialization mode")
 
 
 def _observe_after_step(subject: Subject) -> Pairs:
@@ -150,10 +146,8 @@ def _observe_at_first_event(subject: Subject) -> Pairs:
     """Return undeclared dependencies of outputs and derivatives on inputs of the model."""
     instance = HostedInstance(subject, kind="ModelExchange")
     instance.initialize(None, read_span(subject)[0])
-    declared = at_events(subject, ALL_TYPES)
-    return _find_excluded_changes(
-        instance, declared, list_settable(subject, "input"), "of the model after initialization"
-    )
+    declared, knowns = at_events(subject, ALL_TYPES), list_settable(subject, "input")
+    return _find_excluded_changes(instance, declared, knowns, "of the model after initialization")
 
 
 def _find_excluded_changes(
@@ -173,10 +167,8 @@ def _find_excluded_changes(
             instance.set({name: base[name] for name in base if base[name] != start[name]})
             before = instance.get(names)
             for known in excluded:
-                old = base[known.name]
-                instance.set(
-                    {known.name: choose_other(known) if old == start[known.name] else start[known.name]}
-                )
+                old, first = base[known.name], start[known.name]
+                instance.set({known.name: choose_other(known) if old == first else first})
                 after = instance.get(names)
                 instance.set({known.name: old})
                 restored = instance.get(names)
@@ -204,23 +196,14 @@ def elements(subject: Subject) -> CheckOutcome:
     instance.begin_initialization(read_span(subject)[0])
     names = [d.unknown for d in at_initialization(subject)]
     names = list({subject.variables[n].valueReference: n for n in reversed(names)}.values())[::-1]
-    entries_by_output = {
-        instance.reference(n): instance.dependencies(instance.reference(n)) for n in names[:_MOST_UNKNOWNS]
-    }
-    problems = [
-        p
-        for reference, entries in entries_by_output.items()
-        for p in _find_invalid_entries(subject, reference, entries)
-    ]
-    if not problems:
-        problems = list(_find_unlisted(instance, entries_by_output))
+    references = [instance.reference(n) for n in names[:_MOST_UNKNOWNS]]
+    entries_by_output = {reference: instance.dependencies(reference) for reference in references}
+    problems = [p for item in entries_by_output.items() for p in _find_invalid_entries(subject, *item)]
+    problems = problems or [*_find_unlisted(instance, entries_by_output)]
     count = sum(len(entries) for entries in entries_by_output.values())
     fine = f"{count} dependencies of the elements of {len(entries_by_output)} outputs are valid."
-    return judge_problems(
-        problems,
-        fine,
-        gaps=list_left_out(len(entries_by_output), len(names), "outputs were examined."),
-    )
+    gaps = list_left_out(len(entries_by_output), len(names), "outputs were examined.")
+    return judge_problems(problems, fine, gaps=gaps)
 
 
 def _find_invalid_entries(
@@ -245,11 +228,8 @@ def _find_unlisted(
 ) -> Iterator[str]:
     """Yield elements of outputs that change with an element of an input on which they do not depend."""
     subject = instance.subject
-    unknowns = [
-        v
-        for v in subject.description.modelVariables
-        if int(v.valueReference) in entries_by_output and v.type == "Real"
-    ]
+    reals = [v for v in subject.description.modelVariables if v.type == "Real"]
+    unknowns = [v for v in reals if int(v.valueReference) in entries_by_output]
     knowns = [v for v in list_settable(subject, "input") if v.type == "Real" and choose_other(v) is not None]
     names = [v.name for v in unknowns]
     for known in knowns[:_MOST_KNOWNS]:

@@ -42,10 +42,8 @@ def readable(subject: Subject) -> CheckOutcome:
     if root.getroottree().docinfo.internalDTD is not None:
         return failed(f"{DESCRIPTION} has a document type definition, which FMI does not allow.")
     if not subject.kinds:
-        return failed(
-            f"{DESCRIPTION} has no CoSimulation{', ScheduledExecution' if subject.version == 3 else ''} or "
-            "ModelExchange element."
-        )
+        kinds = "CoSimulation, ScheduledExecution" if subject.version == 3 else "CoSimulation"
+        return failed(f"{DESCRIPTION} has no {kinds} or ModelExchange element.")
     return passed(
         shorten_sentence(f"It describes {root.get('modelName')}, for {' and '.join(subject.kinds)}.")
     )
@@ -151,9 +149,8 @@ def _find_undefined_flags(subject: Subject) -> tuple[list[Problem], list[Problem
                 message = f"{kind} has the attribute {correct_name}, but not with exactly this name."
                 misspelled += [Breach(message, _NO_OTHER_FLAGS)] if name != correct_name else []
             elif not name.startswith("{"):
-                unknown.append(
-                    Breach(f"{kind} has the attribute {name}, which FMI 3.0 does not have.", _NO_OTHER_FLAGS)
-                )
+                message = f"{kind} has the attribute {name}, which FMI 3.0 does not have."
+                unknown.append(Breach(message, _NO_OTHER_FLAGS))
     return misspelled, unknown
 
 
@@ -162,9 +159,8 @@ def _list_attributes(kind: str) -> tuple[str, ...]:
     """Return the names of the attributes of an interface type of FMI 3.0."""
     with as_file(files("fmpy") / "schema" / "fmi3") as folder:
         root = etree.parse(str(folder / "fmi3InterfaceType.xsd"))
-    types = [
-        t for t in root.iterfind("{*}complexType") if t.get("name") in ("fmi3InterfaceType", f"fmi3{kind}")
-    ]
+    names = ("fmi3InterfaceType", f"fmi3{kind}")
+    types = [t for t in root.iterfind("{*}complexType") if t.get("name") in names]
     return tuple(e.get("name") for t in types for e in t.iterfind(".//{*}attribute"))
 
 
@@ -178,9 +174,8 @@ def _find_inconsistent_flags(subject: Subject) -> Iterator[Problem]:
         yield Breach(f"The fixedInternalStepSize is {step} s; it must be positive.", _FIXED_STEP)
     clock = next((v for v in subject.declared.variables if v.type == "Clock"), None)
     if clock is not None and not subject.has_flag("hasEventMode", "CoSimulation"):
-        yield Breach(
-            f"The FMU has the Clock {clock}, but CoSimulation does not declare hasEventMode.", _EVENT_MODE
-        )
+        message = f"The FMU has the Clock {clock}, but CoSimulation does not declare hasEventMode."
+        yield Breach(message, _EVENT_MODE)
 
 
 @check("description.categories", needs=("description.schema",))
@@ -213,9 +208,8 @@ def experiment(subject: Subject) -> CheckOutcome:
         return skipped("The FMU has no default experiment.")
     attributes = {name: float(text) for name, text in element.attrib.items() if "}" not in name}
     fine = ", ".join(f"{name} {value:g}" for name, value in attributes.items())
-    return judge_problems(
-        (), f"The default experiment has {fine or 'no attributes'}.", list(_find_doubtful_times(attributes))
-    )
+    fine = f"The default experiment has {fine or 'no attributes'}."
+    return judge_problems((), fine, list(_find_doubtful_times(attributes)))
 
 
 def _find_doubtful_times(attributes: Mapping[str, float]) -> Iterator[str]:

@@ -36,9 +36,8 @@ def environment(subject: Subject) -> CheckOutcome:
     if problem and not problem_with_null:
         return failed(f"It runs with NULL, but not with a pointer to an environment. {problem}")
     if problem_with_null:
-        return passed(
-            "It does not run with NULL, nor with a pointer to an environment.", gaps=(problem_with_null,)
-        )
+        message = "It does not run with NULL, nor with a pointer to an environment."
+        return passed(message, gaps=(problem_with_null,))
     if wrong_messages:
         message = f"{wrong_messages} messages came with another pointer than that of their environment."
         return warned(message, clause=quote("environment.passed_on").of(subject.version))

@@ -41,9 +41,8 @@ def events(subject: Subject) -> CheckOutcome:
         message = "fmi3DoStep asked for event mode, but hasEventMode is not set."
         return failed(message, clause=_UNUSED)
     allowed = "event mode and early return" if has_mode else "early return"
-    return passed(
-        f"{run.steps} steps with {allowed} allowed: {run.events} events, {run.returns} early returns."
-    )
+    message = f"{run.steps} steps with {allowed} allowed: {run.events} events, {run.returns} early returns."
+    return passed(message)
 
 
 def _find_unexpected_event(subject: Subject) -> str:

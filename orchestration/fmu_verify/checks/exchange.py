@@ -50,10 +50,8 @@ def _run_one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Ou
 
     set_inputs(0)
     instance.initialize(None, float(course.times[0]))
-    rows = [
-        read_outputs(),
-        *(read_outputs() for _ in walk(instance, course.times[:-1], course.step, set_inputs)),
-    ]
+    rows = [read_outputs()]
+    rows += [read_outputs() for _ in walk(instance, course.times[:-1], course.step, set_inputs)]
     values = np.array(rows, dtype=float).reshape(len(rows), len(names))
     return OutputTrajectory(course.times[: len(rows)], names, values)
 
@@ -70,9 +68,8 @@ def split(subject: Subject) -> CheckOutcome:
     held_inputs = {name: np.repeat(v, 2)[:-1] for name, v in course.inputs.items()}  # for two half steps
     full_steps, half_steps = run_alone(subject, course), run_alone(subject, Experiment(times, held_inputs))
     rows = min(len(full_steps.times), (len(half_steps.times) + 1) // 2)  # the FMU may end the run early
-    every_other = OutputTrajectory(
-        full_steps.times[:rows], full_steps.names, half_steps.values[: 2 * rows : 2]
-    )
+    values = half_steps.values[: 2 * rows : 2]
+    every_other = OutputTrajectory(full_steps.times[:rows], full_steps.names, values)
     different, most = describe_differences(full_steps, every_other, rows)
     if different and (same := _list_without_size(subject, course)):
         names = join_few_names(same)

@@ -3,18 +3,13 @@
 import ctypes
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import fmpy
 
 from ..check import check
-from ..libraries import (
-    Library,
-    find_dependencies_file,
-    list_libraries,
-    list_needed_libraries,
-    parse_library,
-)
+from ..libraries import Library, find_dependencies_file, list_libraries, list_needed_libraries, parse_library
 from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, noted, quote, skipped
@@ -42,11 +37,8 @@ _UNDEFINED = 0
 @check("binaries.imports", needs=("binaries.present",))
 def imports(subject: Subject) -> CheckOutcome:
     """Check that every needed library and function is standard or shipped with the FMU."""
-    libraries = [
-        (library, binary)
-        for library in list_libraries(subject)
-        if (binary := parse_library(library.path)) is not None
-    ]
+    parsed = [(library, parse_library(library.path)) for library in list_libraries(subject)]
+    libraries = [(library, binary) for library, binary in parsed if binary is not None]
     if not libraries:
         return skipped("There are no readable binaries.")
     doubts = [
@@ -56,9 +48,8 @@ def imports(subject: Subject) -> CheckOutcome:
     ]
     paths = [p for library, binary in libraries for p in _find_foreign_paths(library, binary)]
     if doubts and not paths and (dependencies_file := find_dependencies_file(subject)):
-        return noted(
-            f"{doubts[0]} {dependencies_file} is there to document what it needs.", details=tuple(doubts)
-        )
+        message = f"{doubts[0]} {dependencies_file} is there to document what it needs."
+        return noted(message, details=tuple(doubts))
     fine = f"{join_few_names([str(library) for library, _ in libraries])} need only standard libraries."
     return judge_problems((), fine, [*doubts, *paths])
 
@@ -101,12 +92,8 @@ def _find_undefined_functions(library: Library, binary: Any) -> Iterator[str]:
     required = [s for s in imported if s.binding != lief.ELF.Symbol.BINDING.WEAK]
     undefined_names = sorted({str(s.name) for s in required if not _has_version(s)})
     if undefined_names and library.platform in (fmpy.platform, fmpy.platform_tuple):
-        linked_libraries = [
-            handle for name in list_needed_libraries(binary) if (handle := _load_library(name)) is not None
-        ]
-        undefined_names = [
-            name for name in undefined_names if not any(hasattr(handle, name) for handle in linked_libraries)
-        ]
+        handles = [handle for n in list_needed_libraries(binary) if (handle := _load_library(n)) is not None]
+        undefined_names = [n for n in undefined_names if not any(hasattr(h, n) for h in handles)]
     elif any(not _STANDARD_LIBRARY.fullmatch(name) for name in list_needed_libraries(binary)):
         return
     if undefined_names:
@@ -119,9 +106,6 @@ def _has_version(symbol: Any) -> bool:
 
 def _load_library(name: str) -> Any:
     """Load a library of this system. Return None if there is none with this name."""
-    if not _STANDARD_LIBRARY.fullmatch(name):
-        return None
-    try:
-        return ctypes.CDLL(name)
-    except OSError:
-        return None
+    with suppress(OSError):
+        return ctypes.CDLL(name) if _STANDARD_LIBRARY.fullmatch(name) else None
+    return None

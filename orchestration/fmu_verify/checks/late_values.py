@@ -44,11 +44,8 @@ def late(subject: Subject) -> CheckOutcome:
 
     Values are compared with those that were set, and results with a run without the change.
     """
-    variables = [
-        v
-        for v in list_settable(subject, "input", "parameter", tunable=True, most=None)
-        if choose_other(v) is not None and not v.clocks
-    ]
+    variables = list_settable(subject, "input", "parameter", tunable=True, most=None)
+    variables = [v for v in variables if choose_other(v) is not None and not v.clocks]
     all_results = _list_results(subject)
     results = all_results[:_MOST_RESULTS]
     if not variables or not results:
@@ -59,17 +56,14 @@ def late(subject: Subject) -> CheckOutcome:
         with suppress(CallError):  # the model does not accept this value
             late_effects += _examine_variable(subject, variable, results, plain, not_kept)
             judged_count += 1
-    gaps = list_left_out(
-        judged_count, len(variables), "inputs and tunable parameters were set between steps."
-    )
+    description = "inputs and tunable parameters were set between steps."
+    gaps = list_left_out(judged_count, len(variables), description)
     gaps += list_left_out(len(results), len(all_results), "outputs and derivatives were compared.")
     without_effect = [effect.name for effect in late_effects if effect.delay is None]
     problems = list(not_kept)
     if without_effect:
-        problems.append(
-            f"{join_few_names(without_effect)} changes nothing if it is set after initialization, although "
-            "it does if it is set before."
-        )
+        message = f"{join_few_names(without_effect)} changes nothing if it is set after initialization"
+        problems.append(f"{message}, although it does if it is set before.")
     problems += [
         f"{effect.name} has its effect {format_count(effect.delay, 'step', 'steps')} later if it is set "
         "between steps than at the start."
@@ -97,9 +91,7 @@ def _examine_variable(
     """Yield what is wrong with a variable; `not_kept` gets it if its value is not kept."""
     first = in_separate_process(_run, subject, results, variable, 0, _STEPS)[0]
     at_start = _find_effect(first, plain, 0)
-    if at_start is None or not any(
-        changed_row != plain_row for changed_row, plain_row in zip(first[2:], plain[2:], strict=False)
-    ):
+    if at_start is None or _find_effect(first[2:], plain[2:], 0) is None:
         return  # nothing, or only in initial values that vanish
     delays = list[int | None]()
     for change_step in _STEPS_OF_CHANGE:

@@ -26,10 +26,8 @@ def dependencies(subject: Subject) -> CheckOutcome:
     declared = subject.declared
     states = declared.states() | {of.index for _, of in find_unlisted(declared, subject)}
     free = {v.index for v in declared.variables if v.causality in ("input", "independent")}
-    knowns_later, knowns_at_start = (
-        states | free,
-        free | {v.index for v in declared.variables if v.initial == "exact"},
-    )
+    knowns_later = states | free
+    knowns_at_start = free | {v.index for v in declared.variables if v.initial == "exact"}
     if declared.version == 3:  # parameters, and states between events, which need not be listed
         knowns_later |= {
             v.index for v in declared.variables if v.causality == "parameter" or v.variability == "discrete"
@@ -69,9 +67,8 @@ def _find_missing_alias(
     shared = declared.share_value(variable)
     known_aliases = [v for v in shared if v.index in knowns and v.variability != "constant"]
     if known_aliases and not {v.index for v in known_aliases}.intersection(unknown.dependencies):
-        yield Breach(
-            f"{label} has the value of {known_aliases[0]}, but its dependencies lack it.", _INDEPENDENT
-        )
+        message = f"{label} has the value of {known_aliases[0]}, but its dependencies lack it."
+        yield Breach(message, _INDEPENDENT)
 
 
 def _compare_with_initial(declared: Declarations, states: set[int], free: set[int]) -> Iterator[Problem]:
@@ -98,10 +95,8 @@ def _compare_with_initial(declared: Declarations, states: set[int], free: set[in
                 (knowns_at_start.intersection(later).difference(first), listed, initial),
             ):
                 if missing:
-                    message = (
-                        f"{unknown} depends on {declared.names(missing)} in {name}, but not in {other_list}."
-                    )
-                    yield Breach(message, _INDEPENDENT)
+                    message = f"{unknown} depends on {declared.names(missing)} in {name}"
+                    yield Breach(f"{message}, but not in {other_list}.", _INDEPENDENT)
 
 
 def _find_ill_formed(

@@ -18,7 +18,7 @@ from ..host.log import LOG, format_message
 from ..host.process_state import load_c_library
 from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import RETURNS, CheckOutcome, failed, noted, passed, quote, skipped, warned
+from ..verdict import RETURNS, CheckOutcome, failed, noted, passed, quote, unjudged, warned
 from .calls import go_to_phase, list_refused_calls
 
 _MOST_CATEGORIES = 6
@@ -93,8 +93,9 @@ def errors(subject: Subject) -> CheckOutcome:
             message, details=tuple(f"{call} returned an error without a message." for call in silent)
         )
     if not refused:
-        message = "No call in a wrong phase is refused: whether errors come with a message is not known."
-        return skipped(message, gaps=(message,))
+        return unjudged(
+            "No call in a wrong phase is refused: whether errors come with a message is not known."
+        )
     return passed(f"{refused} errors came with a message.")
 
 

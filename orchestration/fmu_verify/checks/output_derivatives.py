@@ -47,9 +47,8 @@ def of_outputs(subject: Subject) -> CheckOutcome:
             clause=quote("output_derivatives.at_the_end"),
         )
     gaps = list_left_out(most, declared, "orders of derivatives were compared.")
-    return passed(
-        f"The derivatives of {len(names)} outputs match their slopes, up to order {most}.", gaps=gaps
-    )
+    message = f"The derivatives of {len(names)} outputs match their slopes, up to order {most}."
+    return passed(message, gaps=gaps)
 
 
 def _record_derivatives(subject: Subject, names: list[str], most: int) -> tuple[Vector, list[Vector]]:

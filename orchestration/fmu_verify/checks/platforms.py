@@ -57,13 +57,11 @@ def version(subject: Subject) -> CheckOutcome:
             if not _VERSION_3.fullmatch(version_text := _call_text_function(handle, "fmi3GetVersion") or b""):
                 return failed(f"fmi3GetVersion of {library} returns {_quote(version_text)}, not '3.0'.")
             continue
-        texts = {
-            name: _call_text_function(handle, name) for name in ("fmi2GetVersion", "fmi2GetTypesPlatform")
-        }
+        names = ("fmi2GetVersion", "fmi2GetTypesPlatform")
+        texts = {name: _call_text_function(handle, name) for name in names}
         if texts["fmi2GetVersion"] != b"2.0":
-            return failed(
-                f"fmi2GetVersion of {library} returns {_quote(texts['fmi2GetVersion'])}, not '2.0'."
-            )
+            message = f"fmi2GetVersion of {library} returns {_quote(texts['fmi2GetVersion'])}, not '2.0'."
+            return failed(message)
         if texts["fmi2GetTypesPlatform"] != b"default":
             types_platform = _quote(texts["fmi2GetTypesPlatform"])
             return warned(f"fmi2GetTypesPlatform of {library} returns {types_platform}, not 'default'.")

@@ -49,16 +49,14 @@ def resources(subject: Subject) -> CheckOutcome:
     remaining = {name: count for name, count in first.items() if count > 0}
     leaks = [name for name, count in grown.items() if count >= _CYCLES]
     if remaining.get("processes"):
-        return failed(
-            "A process that an instance started runs on, or was not waited for, after it was freed."
-        )
+        message = "A process that an instance started runs on, or was not waited for, after it was freed."
+        return failed(message)
     if leaks:
         return failed(f"Each instance leaves {join_few_names(leaks)} behind.", figures=dict(grown))
     if remaining:
         # not with each instance: pools of threads, and files of the library
-        return warned(
-            f"After an instance was freed, {join_few_names(list(remaining))} of the library remain."
-        )
+        message = f"After an instance was freed, {join_few_names(list(remaining))} of the library remain."
+        return warned(message)
     return passed("Instances leave no open files, threads and processes behind.")
 
 

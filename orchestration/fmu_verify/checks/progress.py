@@ -19,7 +19,7 @@ from ..host.instance_runs import OutputTrajectory, list_outputs, step_instance, 
 from ..host.other_values import Values, list_other_values, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, skipped
+from ..verdict import CheckOutcome, skipped, unjudged
 
 _MAX_TIME_ERROR = 1e-3
 """Distance of the FMU's time from the end of a step, relative to the step, that counts."""
@@ -60,7 +60,7 @@ def time(subject: Subject) -> CheckOutcome:
                 messages.setdefault(name, message)
     if not has_time and not messages:
         message = "No variable is declared as time: only a reference shows whether the start time is used."
-        return skipped(message, gaps=(message,))
+        return unjudged(message)
     return judge_problems((), "The FMU's time is that of the host.", list(messages.values()), tuple(gaps))
 
 
@@ -146,8 +146,7 @@ def frozen(subject: Subject) -> CheckOutcome:
         return skipped("Its Clocks decide when its variables change.")
     course = make_experiment(subject, _MAX_STEPS)
     if len(course.times) <= 2 * _MIN_STEPS:
-        message = f"Runs have {len(course.times) - 1} steps: too few to see whether something stops."
-        return skipped(message, gaps=(message,))
+        return unjudged(f"Runs have {len(course.times) - 1} steps: too few to see whether something stops.")
     run = _RunSeries(subject, course)
     problems, gaps = [*_find_stopped(run)], list(run.left_out)
     if not problems:

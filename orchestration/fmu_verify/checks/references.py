@@ -14,7 +14,7 @@ from ..references.recording import record_reference as write_references
 from ..references.reference_files import find_solution, list_companions, read_reference
 from ..references.related_files import RelatedFile, list_related
 from ..subject import Subject
-from ..verdict import CheckOutcome, NotRunError, blocked, failed, passed, quote, skipped, warned
+from ..verdict import CheckOutcome, NotRunError, blocked, failed, passed, quote, unjudged, warned
 
 _RULES = quote("references.rules")
 
@@ -31,9 +31,8 @@ def agrees(subject: Subject) -> CheckOutcome:
     try:
         solution = find_solution(subject.path, reference_folder)
         if solution is None and reference_folder is not None:
-            return blocked(
-                f"There is no {name}_ref.csv in {reference_folder}.", hint="Check the names of its files."
-            )
+            message = f"There is no {name}_ref.csv in {reference_folder}."
+            return blocked(message, hint="Check the names of its files.")
         if solution is None:
             return _judge_results(subject)
         reference = read_reference(solution, subject.interface)
@@ -81,8 +80,7 @@ def _judge_result(subject: Subject, file: RelatedFile) -> CheckOutcome:
 
 
 def _leave_out(reason: str) -> CheckOutcome:
-    message = f"The result in the FMU was not compared. {reason}"
-    return skipped(message, gaps=(message,))
+    return unjudged(f"The result in the FMU was not compared. {reason}")
 
 
 def _find_experiment(subject: Subject, result: Path) -> ExperimentSetup | None:

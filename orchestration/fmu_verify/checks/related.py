@@ -40,6 +40,7 @@ from ..verdict import (
     passed,
     quote,
     skipped,
+    unjudged,
     warned,
 )
 from ._sameness import ROUNDING, compare_runs
@@ -76,7 +77,7 @@ def _judge_safely(judge: Callable[[], CheckOutcome]) -> CheckOutcome:
 
 def _judge_error(error: Exception) -> CheckOutcome:
     if isinstance(error, NotRunError):
-        return skipped(str(error), gaps=(str(error),))
+        return unjudged(str(error))
     if isinstance(error, CommandError):
         return failed(sentence(error))
     if isinstance(error, CallError):
@@ -128,9 +129,8 @@ def _judge_experiment(subject: Subject, setup: ExperimentSetup, until: float) ->
     )
     gaps = (*_list_gaps(reference, trajectory, until), *reference.notes)
     if unknown and outcome.verdict == Verdict.PASSED and _find_listed_set(subject, setup) is None:
-        return warned(
-            f"Its parameters set {join_few_names(unknown)}, which the FMU does not have.", gaps=gaps
-        )
+        message = f"Its parameters set {join_few_names(unknown)}, which the FMU does not have."
+        return warned(message, gaps=gaps)
     return replace(outcome, gaps=gaps)
 
 
@@ -145,10 +145,9 @@ def _leave_fault_of_set(subject: Subject, file: RelatedFile, outcome: CheckOutco
     """Return the outcome of a failed experiment, which is not judged if its parameter set alone fails."""
     if (outcome_of_set := _judge_safely(lambda: _judge_parameters(subject, file))).verdict != Verdict.FAILED:
         return outcome
-    message = (
+    return unjudged(
         f"Its parameter set '{file.source}' has a fault (`related.parameters`): {outcome_of_set.sentence}"
     )
-    return skipped(message, gaps=(message,))
 
 
 def _judge_outputs(trajectory: OutputTrajectory) -> CheckOutcome:

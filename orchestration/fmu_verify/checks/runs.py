@@ -119,9 +119,8 @@ def ranges(subject: Subject) -> CheckOutcome:
         if (line := _describe_violation(subject, n, values, trajectory))
     ]
     if details:
-        return warned(
-            f"{len(details)} outputs leave their declared range: {details[0]}", details=tuple(details)
-        )
+        message = f"{len(details)} outputs leave their declared range: {details[0]}"
+        return warned(message, details=tuple(details))
     return passed(f"{len(trajectory.names)} outputs stay within their declared ranges.")
 
 

@@ -8,7 +8,7 @@ from ..messages import Breach, Problem, judge_problems
 from ..sanitizer.reports import count_bytes
 from ..sanitizer.run import TIME_FACTOR, SanitizedRun, run_sanitized
 from ..subject import Subject
-from ..verdict import CheckOutcome, quote, skipped
+from ..verdict import CheckOutcome, quote, skipped, unjudged
 
 _check = partial(
     check,
@@ -52,8 +52,7 @@ def leaks(subject: Subject) -> CheckOutcome:
     if run.memory_faults:
         return _ENDED
     if not run.judges_leaks and not run.leaks:
-        reason = "The run with LeakSanitizer did not come to its end."
-        return skipped(reason, gaps=(reason,))
+        return unjudged("The run with LeakSanitizer did not come to its end.")
     problems = [
         f"{leak.source_line} allocates {count_bytes(leak.size)} that are never freed." for leak in run.leaks
     ]

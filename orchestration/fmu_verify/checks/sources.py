@@ -15,7 +15,7 @@ from ..messages import Breach, join_few_names, judge_problems, shorten_sentence
 from ..sanitizer.compiling import build_complete_library, find_sources
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Verdict, failed, passed, quote, skipped, warned
+from ..verdict import CheckOutcome, Verdict, failed, passed, quote, skipped, unjudged, warned
 
 _BUILD_DESCRIPTION = "buildDescription.xml"
 _C = (".c",)
@@ -77,9 +77,8 @@ def compile_(subject: Subject) -> CheckOutcome:
                 f"{join_few_names([p.relative_to(folder).as_posix() for p in header_folders])}.",
                 hint="Include headers by their path from the folder `sources`.",
             )
-    return passed(
-        f"{', '.join(dict.fromkeys(n for names in lists.values() for n in names))} compile and link."
-    )
+    message = f"{', '.join(dict.fromkeys(n for names in lists.values() for n in names))} compile and link."
+    return passed(message)
 
 
 def _judge_configurations(subject: Subject) -> CheckOutcome:
@@ -136,7 +135,7 @@ def _describe_compilation(
     """
     compiler = find_machine_compiler() or find_zig()
     if not compiler:
-        return skipped(NO_COMPILER, gaps=(NO_COMPILER,))
+        return unjudged(NO_COMPILER)
     with (
         tempfile.TemporaryDirectory() as scratch,
         as_file(files("fmpy") / "c-code") as headers,
@@ -150,8 +149,7 @@ def _describe_compilation(
         try:
             process = run_compiler(command, Path(scratch), seconds)
         except subprocess.TimeoutExpired:
-            message = f"The compiler takes more than {seconds:g} s."
-            return skipped(message, gaps=(message,))
+            return unjudged(f"The compiler takes more than {seconds:g} s.")
         except OSError as error:
             return skipped(f"No compiler can be run: {error.strerror}.")
         missing = _list_missing_functions(Path(scratch, "library"), needed) if process.returncode == 0 else []

@@ -22,9 +22,8 @@ def presence(subject: Subject) -> CheckOutcome:
     """Check that variables have a start value if and only if the standard requires one."""
     variables = [v for v in subject.declared.variables if v.possible and v.type != "Clock"]
     problems = [p for v in variables for p in _find_misplaced(v)]
-    return judge_problems(
-        problems, f"{sum(v.start is not None for v in variables)} variables have start values."
-    )
+    fine = f"{sum(v.start is not None for v in variables)} variables have start values."
+    return judge_problems(problems, fine)
 
 
 def _find_misplaced(variable: DeclaredVariable) -> Iterator[Problem]:
@@ -51,9 +50,8 @@ def ranges(subject: Subject) -> CheckOutcome:
     if subject.version == 3:  # which does not say that they must be
         doubts += [str(getattr(p, "message", p)) for p in problems if _is_left_open(p)]
         problems = [p for p in problems if not _is_left_open(p)]
-    return judge_problems(
-        problems, f"Start values of {len(numeric)} numeric variables are within their ranges.", doubts
-    )
+    fine = f"Start values of {len(numeric)} numeric variables are within their ranges."
+    return judge_problems(problems, fine, doubts)
 
 
 def _is_left_open(problem: Problem) -> bool:

@@ -224,9 +224,8 @@ def _judge_damaged(subject: Subject, data: bytes) -> CheckOutcome:
             in_fresh_process(_restore_damaged, subject, part, timeout=subject.settings.seconds)
     except EndedError as error:
         return noted(f"{error.call} ends the process ({error.how}).")  # the standard does not require more
-    return passed(
-        f"A new instance continued from {len(data)} bytes like the old one; damaged bytes did no harm."
-    )
+    message = f"A new instance continued from {len(data)} bytes like the old one; damaged bytes did no harm."
+    return passed(message)
 
 
 def _restore_damaged(subject: Subject, cases: list[tuple[str, bytes]]) -> None:

@@ -60,9 +60,8 @@ def _judge_level(level: list[Any], names: set[str]) -> Iterator[Problem]:
         for member in terminal.findall("TerminalStreamMemberVariable"):
             for name in (member.get("inStreamVariableName"), member.get("outStreamVariableName")):
                 if name not in names:
-                    yield Breach(
-                        f"The terminal {terminal.get('name')} has {name}, which is not a variable.", _STREAM
-                    )
+                    message = f"The terminal {terminal.get('name')} has {name}, which is not a variable."
+                    yield Breach(message, _STREAM)
         if terminal.get("matchingRule") in ("plug", "bus"):
             member_names = [m.get("memberName") for m in members]
             if None in member_names:

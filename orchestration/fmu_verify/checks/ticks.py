@@ -49,9 +49,8 @@ def intervals(subject: Subject) -> CheckOutcome:
     instance.free()
     if not answer_count:
         return skipped("The FMU does not say the intervals of its Clocks, which are declared.")
-    return judge_problems(
-        problems, f"{format_count(len(clocks), 'Clock has its', 'Clocks have their')} declared intervals."
-    )
+    fine = f"{format_count(len(clocks), 'Clock has its', 'Clocks have their')} declared intervals."
+    return judge_problems(problems, fine)
 
 
 def _read_interval(instance: HostedInstance, function: str, clock: InputClock) -> float | None:

@@ -102,9 +102,8 @@ class _VaryingRun:
 
     def __iter__(self) -> Iterator[tuple[float, HostedInstance]]:
         subject, course = self._subject, make_experiment(self._subject, _STEPS)
-        inputs = [
-            v for v in list_settable(subject, "input") if v.type in ("Boolean", "Enumeration", "String")
-        ]
+        kinds = ("Boolean", "Enumeration", "String")
+        inputs = [v for v in list_settable(subject, "input") if v.type in kinds]
         other_values, steps = list_other_values(inputs), len(course.times) - 1
         instance = HostedInstance(subject)
         instance.initialize({**course.at(0), **self._yield_parameters}, float(course.times[0]))
@@ -113,9 +112,8 @@ class _VaryingRun:
         until = clock.monotonic() + limit  # a slow FMU is not a fault
         for k in range(steps):
             if clock.monotonic() > until:
-                self.gaps = (
-                    f"Values were read for {k} of {steps} steps: more take longer than {limit:g} s.",
-                )
+                gap = f"Values were read for {k} of {steps} steps: more take longer than {limit:g} s."
+                self.gaps = (gap,)
                 return
             changed = other_values if (k // _STEPS_PER_CHANGE) % 2 else {}
             try:
@@ -125,9 +123,8 @@ class _VaryingRun:
                 if not changed:
                     raise
                 # valid values, which the model need not accept
-                self.gaps = (
-                    f"Values were read for {k} of {steps} steps: it refuses other values of inputs.",
-                )
+                gap = f"Values were read for {k} of {steps} steps: it refuses other values of inputs."
+                self.gaps = (gap,)
                 return
             if instance.terminated:
                 return

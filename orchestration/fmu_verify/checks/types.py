@@ -51,9 +51,8 @@ def _judge_uses(declared: Declarations) -> Iterator[Problem]:
         if name is None:
             continue
         if name not in by_name:
-            yield Breach(
-                f"{variable} is declared as {name}, which is not a {_name_kind(declared)}.", _DEFINED
-            )
+            message = f"{variable} is declared as {name}, which is not a {_name_kind(declared)}."
+            yield Breach(message, _DEFINED)
         elif by_name[name].type != variable.type:
             expected = by_name[name].type
             message = f"{variable} is of type {variable.type}, but declared as {name}, which is {expected}."

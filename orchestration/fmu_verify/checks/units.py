@@ -71,9 +71,8 @@ def consistent(subject: Subject) -> CheckOutcome:
     ]
     doubts = [Breach(p, _CONVERTED) for u in units for p in _find_contradictions(u)]
     known_count = sum(find_unit(u.name) is not None for u in units)
-    return judge_problems(
-        problems, f"{known_count} of {len(units)} units have well-known names; all of them match.", doubts
-    )
+    fine = f"{known_count} of {len(units)} units have well-known names; all of them match."
+    return judge_problems(problems, fine, doubts)
 
 
 def _is_inverse(display: Mapping[str, str]) -> bool:

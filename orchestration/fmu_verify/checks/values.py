@@ -172,9 +172,8 @@ def state(subject: Subject) -> CheckOutcome:
             deserialized = in_fresh_process(_read_from_bytes, subject, data, changed_names)
             problems += _list_lost(deserialized, changed, changed_names, "from a serialized state")
     gaps = () if subject.has_clocks else _list_unjudged(subject, judged_changes, tunable=True)
-    return judge_problems(
-        problems, f"{count} values that were changed were restored with a state.", gaps=gaps
-    )
+    fine = f"{count} values that were changed were restored with a state."
+    return judge_problems(problems, fine, gaps=gaps)
 
 
 def _find_lost_parameters(subject: Subject) -> list[str]:

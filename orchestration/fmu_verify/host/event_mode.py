@@ -222,9 +222,8 @@ class HostedEvents:
                 self._keep([v for v in self._clocked if belongs(v, self._ticking)])
                 self._ticking.clear()
             fmu = self._instance.fmu
-            with self._instance.calling(
-                f"fmi3DoStep at t = {arguments[0]:.9g} s" if name == DO_STEP else None
-            ):
+            call = f"fmi3DoStep at t = {arguments[0]:.9g} s" if name == DO_STEP else None
+            with self._instance.calling(call):
                 getattr(fmu, _make_c_name(name))(fmu.component, *arguments)
             if name == DO_STEP:
                 self._judge_step(*arguments)
@@ -234,9 +233,8 @@ class HostedEvents:
                 self._ticking.update(ticking)
                 if name == SET_CLOCK:  # they start to tick: set the inputs that belong to them
                     variables, values = self._instance.subject.variables, self._inputs
-                    self._instance.set_now(
-                        {n: v for n, v in values.items() if belongs(variables[n], ticking)}
-                    )
+                    changed = {n: v for n, v in values.items() if belongs(variables[n], ticking)}
+                    self._instance.set_now(changed)
         except Exception as error:
             self._error = error
             return ERROR
@@ -252,9 +250,8 @@ class HostedEvents:
         event[0] = event[0] and self._has_mode
         if returns_early[0]:
             self.returns += 1
-            self.first_early_return = (
-                reached[0] if self.first_early_return is None else self.first_early_return
-            )
+            if self.first_early_return is None:
+                self.first_early_return = reached[0]
             if not self._may_return:
                 message = (
                     f"fmi3DoStep from t = {time:.9g} s to {time + length:.9g} s returned early at "

@@ -56,17 +56,12 @@ def read_span(subject: Subject) -> tuple[float, float, int]:
     stop = stop if stop > start else start + 1.0
     step = parse_number(default.stepSize if default else None, (stop - start) / MOST_STEPS)
     step = step if 0.0 < step <= stop - start else (stop - start) / MOST_STEPS
-    internal = _read_internal_step(subject)
+    solver = subject.tree.find("CoSimulation") if subject.version == 3 else None
+    internal = 0.0 if solver is None else parse_number(solver.get("fixedInternalStepSize"), 0.0)
     if 0.0 < internal <= stop - start:  # the FMU is at its end only after whole steps of its own
         multiple = max(1, round(step / internal)) * internal
         step = step if math.isclose(step, multiple, rel_tol=1e-9) else multiple
     return start, step, max(1, round((stop - start) / step))
-
-
-def _read_internal_step(subject: Subject) -> float:
-    """Return the fixed step in s that the solver of an FMU of FMI 3.0 declares; 0 if it declares none."""
-    element = subject.tree.find("CoSimulation") if subject.version == 3 else None
-    return 0.0 if element is None else parse_number(element.get("fixedInternalStepSize"), 0.0)
 
 
 def _vary_input(variable: ModelVariable, index: int, times: Vector) -> Vector:

@@ -45,9 +45,9 @@ def in_fresh_process(do: Callable[..., Any], *arguments: Any, timeout: float | N
 
 def in_separate_process(do: Callable[..., Any], subject: Subject, *arguments: Any) -> Any:
     """Call `do` here, or in a new process if the FMU allows only one instance per process."""
-    return (
-        in_fresh_process(do, subject, *arguments) if is_single_instance(subject) else do(subject, *arguments)
-    )
+    if is_single_instance(subject):
+        return in_fresh_process(do, subject, *arguments)
+    return do(subject, *arguments)
 
 
 def is_single_instance(subject: Subject) -> bool:

@@ -21,13 +21,7 @@ from ..subprocess_run import note
 from ..verdict import LEAVES_EXCEPTION, Clause, NotRunError, describe_exception
 from .arrays import Arrays, ElementDependency, set_elements
 from .event_mode import NO_EARLY_RETURN, EventState, HostedEvents
-from .integration import (
-    EndlessEventError,
-    HostedIntegration,
-    HostedModel,
-    IntegrationError,
-    RunEndedError,
-)
+from .integration import EndlessEventError, HostedIntegration, HostedModel, IntegrationError, RunEndedError
 from .log import LOG, format_message
 
 RETURNS_EARLY = "mightReturnEarlyFromDoStep"
@@ -180,9 +174,8 @@ class HostedInstance(FmiInstance):
         if not self._is_3:
             return self.status("fmi2DoStep", time, length, 0)
         flags, reached = [c_bool() for _ in range(3)], c_double()
-        return self.status(
-            "fmi3DoStep", time, length, False, *(byref(flag) for flag in flags), byref(reached)
-        )
+        message = "fmi3DoStep"
+        return self.status(message, time, length, False, *(byref(flag) for flag in flags), byref(reached))
 
     def plain_step(self) -> tuple[Callable[..., int], tuple[Any, ...]]:
         """Return the function that steps as the library has it, and what follows time and length.
@@ -314,9 +307,7 @@ class HostedInstance(FmiInstance):
             self.fmu.fmi3GetVariableDependencies(
                 self.fmu.component, reference, elements, independents, of_independents, kinds, size
             )
-        return [
-            ElementDependency(*entry) for entry in zip(elements, independents, of_independents, strict=True)
-        ]
+        return list(map(ElementDependency, elements, independents, of_independents))
 
     def output_derivatives(self, names: Sequence[str], order: int) -> list[float]:
         """Return the derivatives of outputs of an order, by name."""
@@ -458,9 +449,8 @@ class HostedInstance(FmiInstance):
         except CommandError as error:  # there is no solver for this platform
             raise NotRunError(str(error)) from error
         except IntegrationError as error:
-            sentence = (
-                f"The model cannot be integrated from t = {time:.9g} s on: {format_message(str(error))}"
-            )
+            reason = format_message(str(error))
+            sentence = f"The model cannot be integrated from t = {time:.9g} s on: {reason}"
             kind = EndlessIterationError if isinstance(error, EndlessEventError) else CallError
             raise kind("the solver", ERROR, sentence=sentence) from error
 

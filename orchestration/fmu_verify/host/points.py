@@ -117,9 +117,8 @@ def choose(dependencies: list[Dependency], knowns: list[str]) -> tuple[list[Depe
     knowns = _choose_spread(knowns, max(_FEWEST_KNOWNS, _MOST_PAIRS // len(dependencies)))
     if len(dependencies) > (most := _MOST_PAIRS // len(knowns)):
         moved_knowns = set(knowns)
-        related = [d for d in dependencies if d.on is not None and not moved_knowns.isdisjoint(d.on)][
-            : most // 2
-        ]
+        related = [d for d in dependencies if d.on is not None and not moved_knowns.isdisjoint(d.on)]
+        related = related[: most // 2]
         unknowns = {d.unknown for d in (*related, *_choose_spread(dependencies, most - len(related)))}
         dependencies = [d for d in dependencies if d.unknown in unknowns]
     return dependencies, knowns

@@ -87,9 +87,8 @@ def run_reference(
         step_count += len(part.values) - 1
     instance.close()
     steps_per_row = max(1, round((reference.interval or 0.0) / course.step))
-    return OutputTrajectory(
-        course.times[: step_count + 1 : steps_per_row], names, np.concatenate(rows)[::steps_per_row]
-    )
+    times = course.times[: step_count + 1 : steps_per_row]
+    return OutputTrajectory(times, names, np.concatenate(rows)[::steps_per_row])
 
 
 def read_start_values(subject: Subject, values: Mapping[str, Any]) -> dict[str, Any]:

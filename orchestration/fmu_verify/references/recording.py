@@ -59,9 +59,8 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
         _choose_steps(subject, recording)
         read_start_values(subject, recording.values)
         if recording.inputs is not None:
-            sample_inputs(
-                subject, read_columns(recording.inputs, "the inputs", subject.interface)[0], np.zeros(2)
-            )
+            columns, _ = read_columns(recording.inputs, "the inputs", subject.interface)
+            sample_inputs(subject, columns, np.zeros(2))
 
 
 def record_reference(subject: Subject, recording: Recording) -> list[Path]:
@@ -121,9 +120,8 @@ def _choose_steps(subject: Subject, recording: Recording) -> tuple[float, float,
             raise CommandError(f"the stop time {recording.stop:g} s must be after the start, {start:g} s.")
         count = max(1, round((recording.stop - start) / step))
     if count > MOST_STEPS:
-        raise CommandError(
-            f"{count} steps of {step:g} s are too many to record; set --stop-time or --step-size."
-        )
+        message = f"{count} steps of {step:g} s are too many to record; set --stop-time or --step-size."
+        raise CommandError(message)
     return start, step, count
 
 

@@ -139,18 +139,13 @@ def _mend_repetitions(root: Any, version: int) -> Iterator[Change]:
 def _mend_variability(root: Any, version: int) -> Iterator[Change]:
     """Make continuous variables discrete that are not Real, for which FMI 2.0 has no other meaning."""
     for variable in root.iterfind("ModelVariables/ScalarVariable") if version == 2 else ():
-        is_real = variable.find("Real") is not None
         variability, causality = variable.get("variability"), variable.get("causality", "local")
-        if (
-            is_real
-            or variability not in (None, "continuous")
-            or causality not in ("input", "output", "local")
-        ):
+        is_continuous = variability in (None, "continuous") and causality in ("input", "output", "local")
+        if not is_continuous or variable.find("Real") is not None:
             continue
         variable.set("variability", "discrete")
-        yield Change(
-            "variables.attributes", f"variability of {_locate(variable)}", variability or "", "discrete"
-        )
+        where = f"variability of {_locate(variable)}"
+        yield Change("variables.attributes", where, variability or "", "discrete")
 
 
 def _mend_units(root: Any, version: int) -> Iterator[Change]:

@@ -91,9 +91,8 @@ def repair(path: Path) -> Repair:
     if path.is_dir():
         raise CommandError(f"'{path}' is a folder; emla repair takes FMUs. Repair each FMU in it.")
     if _is_system(path):
-        raise CommandError(
-            f"'{path}' is a system (SSP); emla repair takes FMUs. Unpack it, and repair each FMU in it."
-        )
+        message = f"'{path}' is a system (SSP); emla repair takes FMUs. Unpack it, and repair each FMU in it."
+        raise CommandError(message)
     before = verify(path, only=_CHECKS).examined[0]
     if any(f.check == "archive.safe" for f in before.of(Verdict.FAILED)):
         safe = before["archive.safe"]

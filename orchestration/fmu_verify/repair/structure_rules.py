@@ -140,9 +140,8 @@ class _Mender:
         has_kinds = kinds is not None and has_any
         _set(element, "dependenciesKind", [kind for _, kind in valid_pairs] if has_kinds else None, kinds)
         if (after := describe_element(element)) != before:
-            yield Change(
-                "structure.dependencies", f"dependencies of {self._find_name(element)}", before, after
-            )
+            where = f"dependencies of {self._find_name(element)}"
+            yield Change("structure.dependencies", where, before, after)
 
     def _choose_kind(self, element: Any, kind: str) -> str:
         """Return a kind of dependency, or the most general one if its unknown cannot have it."""

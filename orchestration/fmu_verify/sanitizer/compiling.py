@@ -60,12 +60,11 @@ class CompilerError(Exception):
 
 def list_compilers() -> list[Compiler]:
     """Return the compilers to try: the one of the machine, then zig, which has no AddressSanitizer."""
-    compilers = []
-    if command := find_machine_compiler():
-        compilers.append(Compiler(command, _ALL, has_address=True))
-    if command := find_zig():
-        compilers.append(Compiler(command, _UNDEFINED_ONLY, has_address=False))
-    return compilers
+    candidates = (
+        Compiler(find_machine_compiler(), _ALL, has_address=True),
+        Compiler(find_zig(), _UNDEFINED_ONLY, has_address=False),
+    )
+    return [compiler for compiler in candidates if compiler.command]
 
 
 def find_sources(subject: Subject, kind: str) -> SourceSet | None:
@@ -75,9 +74,8 @@ def find_sources(subject: Subject, kind: str) -> SourceSet | None:
     includes, macros = [folder], list[str]()
     if (configuration := _read_configuration(subject, kind)) is not None:
         names = [e.get("name") for e in configuration.iterfind("SourceFileSet/SourceFile")]
-        includes += [
-            folder / str(e.get("name")) for e in configuration.iterfind("SourceFileSet/IncludeDirectory")
-        ]
+        directories = configuration.iterfind("SourceFileSet/IncludeDirectory")
+        includes += [folder / str(e.get("name")) for e in directories]
         for e in configuration.iterfind("SourceFileSet/PreprocessorDefinition"):
             value = e.get("value")
             macros.append(f"-D{e.get('name')}" + (f"={value}" if value is not None else ""))

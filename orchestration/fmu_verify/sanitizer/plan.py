@@ -67,9 +67,8 @@ def write_plan(subject: Subject, kind: str) -> str:
         _write_array("double", "CLOCK_SHIFT", [_write_real(clock.shift) for clock in clocks]),
     ]
     variables = description.modelVariables
-    lines += _group(
-        version, "START", [v for v in _list_settable_variables(subject) if v.causality != "input"]
-    )
+    settable = _list_settable_variables(subject)
+    lines += _group(version, "START", [v for v in settable if v.causality != "input"])
     inputs = [v for v in list_settable(subject, "input") if read_start(v) is not None]
     if model:  # the others cannot be set in continuous-time mode
         inputs = [v for v in inputs if v.type == "Real" and v.variability in (None, "continuous")]
@@ -108,9 +107,7 @@ def _group(version: int, name: str, variables: Iterable[ModelVariable], values: 
         members, prefix = [v for v in variables if kind_of(v) == kind], f"{name}_{kind.upper()}"
         lines += _write_references(version, prefix, members)
         if values:
-            literals = [
-                _write_literal(value) for v in _drop_aliases(members) for value in _list_start_values(v)
-            ]
+            literals = [_write_literal(x) for v in _drop_aliases(members) for x in _list_start_values(v)]
             lines.append(_write_array(f"fmi{version}{kind}", f"{prefix}_VALUES", literals))
     return lines
 

@@ -76,11 +76,8 @@ def read_memory_error(text: str, sources: Path, call: str = "") -> MemoryFault |
         access = _ACCESS.search(stacks[0])
         size = f" {count_bytes(int(access['size']))}" if access else ""
         is_write = "WRITE of size" in stacks[0] or "caused by a WRITE" in stacks[0]
-        verb = "writes" if is_write else "reads"
-        meaning = (
-            f"It {verb}{size} {'at' if kind == 'SEGV' else 'of' if 'use-after' in kind else ''} {meaning}"
-        )
-        meaning = " ".join(meaning.split())
+        preposition = " at" if kind == "SEGV" else " of" if "use-after" in kind else ""
+        meaning = f"It {'writes' if is_write else 'reads'}{size}{preposition} {meaning}"
     return MemoryFault(kind, f"{meaning}{_locate(frames) or (f' in {call}' if call else '')}.")
 
 
@@ -115,9 +112,8 @@ def read_undefined(text: str, sources: Path) -> list[str]:
     for pattern in (_UNDEFINED, _PANIC):
         for match in pattern.finditer(text):
             if (line := _shorten_path(match["place"], sources)) is not None:
-                problem = re.sub(
-                    r" 0x[0-9a-f]+", "", match["what"]
-                ).strip()  # addresses differ from run to run
+                # addresses differ from run to run
+                problem = re.sub(r" 0x[0-9a-f]+", "", match["what"]).strip()
                 messages[f"{line}: {problem}."] = None
     return list(messages)
 

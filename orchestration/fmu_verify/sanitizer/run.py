@@ -93,9 +93,7 @@ def _build_and_run_all(subject: Subject, sets: Mapping[str, SourceSet], scratch:
     plans = {kind: write_plan(subject, kind) for kind in sets}
     for compiler in list_compilers():
         try:
-            hosts = {
-                kind: compile_host(compiler, scratch / kind, plan, limit) for kind, plan in plans.items()
-            }
+            hosts = {k: compile_host(compiler, scratch / k, plan, limit) for k, plan in plans.items()}
         except CompilerError as error:
             if problem == NO_COMPILER:
                 problem = f"The compiler of this machine has no sanitizers: {error}."
