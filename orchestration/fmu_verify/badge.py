@@ -8,8 +8,8 @@ from .findings import Findings
 from .report_files import BADGE_MARK
 from .verdict import Verdict
 
+# width of a letter in px; `textLength` makes it so with any font
 _WIDTH = 6.6
-"""Width of a letter in px; `textLength` makes it so with any font."""
 
 _PASSED, _FAILED, _INCOMPLETE = "#2a7d2a", "#c0322b", "#6b6b6b"
 

@@ -9,10 +9,10 @@ _PE = {0x014C: "x86", 0x8664: "x86_64", 0x01C4: "aarch32", 0xAA64: "aarch64"}
 _MACH = {7: "x86", 0x01000007: "x86_64", 0x0100000C: "aarch64"}
 _MACH_MAGIC = {b"\xce\xfa\xed\xfe": "<", b"\xcf\xfa\xed\xfe": "<"}
 _FAT = (b"\xca\xfe\xba\xbe", b"\xca\xfe\xba\xbf")
+# most processors of a universal library: Java classes begin with the same bytes
 _MOST_PARTS = 20
-"""Most processors of a universal library: Java classes begin with the same bytes."""
+# class of an ELF file: `ELFCLASS32`
 _32_BITS = 1
-"""Class of an ELF file: `ELFCLASS32`."""
 
 _TARGETS_OF_VERSION_2 = {
     "linux32": ("linux", "x86"),

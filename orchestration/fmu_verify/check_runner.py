@@ -58,6 +58,7 @@ class CheckRunner:
     def call(self, check: Check, seconds: float, memory: int) -> CheckOutcome:
         """Return the outcome of a check in a process with these limits in s and bytes."""
         records = check is RECORDED
+        # a limit of memory cannot be raised, and only a recording may write to the folder of references
         if self._process is not None and (records or self._process.memory != memory):
             self.close()
         if self._process is None:

@@ -16,8 +16,8 @@ from emla_cosim.pages.text import make_visible, shorten_text
 from .verdict import Verdict
 
 _MOST_ROWS = 200
+# Most findings of each verdict. GitHub rejects summaries of more than 1 MiB.
 _MOST_FINDINGS = 100
-"""Most findings of each verdict. GitHub rejects summaries of more than 1 MiB."""
 
 _MAX_LENGTH = 500
 _SIGNS = {Verdict.FAILED: "❌", Verdict.WARNING: "⚠️", Verdict.PASSED: "✅", Verdict.SKIPPED: "⏭️"}

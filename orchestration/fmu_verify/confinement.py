@@ -13,14 +13,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+# numbers of the system calls; the same on all processors but Alpha
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
-"""Numbers of the system calls; the same on all processors but Alpha."""
 
 _ASK_VERSION, _PATH_BENEATH, _NO_NEW_PRIVILEGES = 1, 1, 38
 
 _WRITE_FILE, _REFER, _TRUNCATE = 1 << 1, 1 << 13, 1 << 14
+# remove folders and files; make files, folders, links, pipes, sockets and devices
 _CHANGE_FOLDER = sum(1 << k for k in range(4, 13))
-"""Remove folders and files; make files, folders, links, pipes, sockets and devices."""
 
 _SCOPE_SIGNALS = 1 << 1
 
@@ -104,6 +104,7 @@ def confine(writable: Iterable[Path]) -> bool:
 
 def _restrict(rules: _Ruleset, allowed: Mapping[Path, int]) -> None:
     """Restrict this thread to what rules leave, and what is allowed on and beneath paths that exist."""
+    # older versions of Landlock know the first field only
     size = ctypes.sizeof(rules) if _read_version() >= _SIGNALS_SINCE else ctypes.sizeof(ctypes.c_uint64)
     ruleset = _call_system(_CREATE_RULESET, ctypes.byref(rules), ctypes.c_size_t(size), ctypes.c_uint32(0))
     try:
@@ -121,6 +122,7 @@ def _restrict(rules: _Ruleset, allowed: Mapping[Path, int]) -> None:
                     )
                 finally:
                     os.close(descriptor)
+        # without it, only a privileged process may restrict itself
         ctypes.CDLL(None).prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
         _call_system(_RESTRICT_SELF, ctypes.c_int(ruleset), ctypes.c_uint32(0))
     finally:

@@ -286,9 +286,11 @@ def read_declarations(root: Any, version: int) -> Declarations:
     if version == 3:
         position_by_reference: dict[int, int] = {}
         for position, element in enumerate(elements, start=1):
+            # the first of several counts: a check reports that there are several
             position_by_reference.setdefault(int(element.get("valueReference")), position)
         find_position = lambda reference: position_by_reference.get(int(reference), -1 - int(reference))  # noqa: E731
     types = tuple(_read_type(e, version) for e in root.iterfind(f"TypeDefinitions/{type_tag}"))
+    # the first of several counts
     by_name = {t.name: t for t in reversed(types)}
 
     variables = tuple(

@@ -23,8 +23,8 @@ from .verdict import Verdict
 _READ_AFTER = {"description.readable": ("tree", "description"), "description.schema": ("declared",)}
 """Attributes of a subject to read once for all later checks, after a check that passed."""
 
+# The check that unpacks the FMU. It runs again when an examination is resumed.
 _UNPACKS = "archive.safe"
-"""The check that unpacks the FMU. It runs again when an examination is resumed."""
 
 
 def examine_fmu(

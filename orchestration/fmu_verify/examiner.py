@@ -22,8 +22,8 @@ from .settings import Settings
 from .subject import Subject
 from .systems import SystemKind, examine_system
 
+# modules that checks load: once, before forks
 _PRELOADED_MODULES = ("lief", "numpy.ma", "numpy.random", "encodings.cp437", "importlib.resources.readers")
-"""Modules that checks load: once, before forks."""
 
 
 class ExaminerJob(NamedTuple):

@@ -143,5 +143,6 @@ class Findings:
 def find_worst(findings: Sequence[Finding]) -> Verdict:
     """Return the worst verdict: failed, warning, passed; skipped if all checks were skipped."""
     verdicts = {f.verdict for f in findings}
+    # a skipped check says nothing about an FMU that passes others
     order = (Verdict.FAILED, Verdict.WARNING, Verdict.PASSED)
     return next((v for v in order if v in verdicts), Verdict.SKIPPED)

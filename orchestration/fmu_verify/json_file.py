@@ -73,6 +73,7 @@ def as_dict(report: Findings) -> dict[str, Any]:
 
 def render(report: Findings) -> str:
     """Return the report as JSON."""
+    # NaN is not JSON
     return json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n"
 
 

@@ -13,8 +13,8 @@ from emla_cosim.fmu.shared_library import missing_bytes
 from .binary_headers import NAMES_OF_VERSION_2, parse_platform
 from .subject import Subject
 
+# bits of `n_type` in the symbol table of Mach-O: N_EXT, N_STAB and N_PEXT, N_TYPE, N_SECT
 _EXTERNAL, _DEBUG_OR_PRIVATE, _TYPE, _IN_SECTION = 0x01, 0xF0, 0x0E, 0x0E
-"""Bits of `n_type` in the symbol table of Mach-O: N_EXT, N_STAB and N_PEXT, N_TYPE, N_SECT."""
 
 _OF_SYSTEM = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
 SUFFIXES = tuple(_OF_SYSTEM.values())

@@ -103,6 +103,7 @@ def main() -> None:
     if files["sarif"].is_file():
         entries = convert_to_code_quality(json.loads(files["sarif"].read_text(encoding="utf-8")))
         (folder / CODE_QUALITY).write_text(json.dumps(entries, indent=1), encoding="utf-8")
+    # a signal that ends the program has a negative code
     sys.exit(code if code >= 0 else 1)
 
 

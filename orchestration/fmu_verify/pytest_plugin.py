@@ -180,6 +180,7 @@ class FmuItem(pytest.Item):
         if finding.verdict == Verdict.FAILED:
             needed = "" if finding.check == self.name else f"It needs {finding.check}, which failed. "
             raise FmuFailure(needed + text)
+        # what could not be examined must not look as if it had passed
         if finding.verdict == Verdict.SKIPPED and finding.outcome.blocked and not self._has_cause(finding):
             raise FmuFailure(f"It could not run. {text}")
         if finding.verdict == Verdict.SKIPPED:

@@ -190,6 +190,7 @@ def _make_jobs(
         return [ExaminerJob(path.absolute(), settings, name, path)]
     if settings.recording is not None:
         raise CommandError(f"only references of FMUs can be recorded; '{path}' is a system.")
+    # a reference of a system is a folder of results, which is not one of its FMUs
     without_reference = replace(settings, reference=None)
     files = resources.enter_context(systems.unpack(path))
     inside = [ExaminerJob(file, without_reference, f"{name}/{file.name}", path / file.name) for file in files]

@@ -119,8 +119,8 @@ def _receive_outcome(child: Child, notes: CrashPageFile, seconds: float) -> tupl
             return _describe_timeout(doing, seconds, now - last_change), False, True
 
 
+# what an answer begins with: whether its process takes another call
 _CAN_CONTINUE, _ENDS = b"+", b"-"
-"""What an answer begins with: whether its process takes another call."""
 
 _FAULT = "The machine has too little space or memory, or a limit is too low (`ulimit -a`)."
 _SLOW = "The FMU may only be slow. Increase the time limit (--seconds)."
@@ -155,6 +155,7 @@ def _serve(
         note(_FIRST, is_reading=True)
         outcome = write_outcome(_call_limited(do, (*first, *arguments), memory))
         channel.send_bytes((_ENDS if _is_used else _CAN_CONTINUE) + outcome)
+        # an FMU may have changed the process, so that no other check runs in it
         if _is_used:
             return
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from .verdict import CheckOutcome
 
+# functions of FMI 2.0 that have another name in FMI 3.0; others differ in the first letters only
 _FUNCTIONS = {
     "CallbackFunctions": "LogMessageCallback",
     "DeSerializeFMUstate": "DeserializeFMUState",
@@ -23,7 +24,6 @@ _FUNCTIONS = {
     "SetReal": "SetFloat64",
     "SetXXX": "Set{VariableType}",
 }
-"""Functions of FMI 2.0 that have another name in FMI 3.0; others differ in the first letters only."""
 
 FLAGS = {
     "canGetAndSetFMUstate": "canGetAndSetFMUState",

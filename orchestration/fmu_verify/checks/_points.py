@@ -14,8 +14,8 @@ from ..host.points import Dependency, Point, at_events, choose, in_initializatio
 from ..subject import Subject
 
 MOST_STATES = 50
+# most updates of discrete states before a point; a model that needs more fails another check
 _MOST_UPDATES = 100
-"""Most updates of discrete states before a point; a model that needs more fails another check."""
 
 
 def list_states(subject: Subject) -> list[str]:

@@ -30,8 +30,8 @@ _MOST_CHOICES = 5
 _MAX_SLOPE_ERROR = 0.3
 """Distance of a state's slope in a step from its derivative, relative to both, that is too far."""
 
+# part of the steps that must be wrong: in others, a state may jump
 _MAX_WRONG_FRACTION = 0.5
-"""Part of the steps that must be wrong: in others, a state may jump."""
 
 _MARGIN = 0.05
 """Allowed distance from the derivatives at both ends of a step, relative to the largest."""
@@ -104,6 +104,7 @@ def _compute_wrong_fraction(x: Vector, slopes: Vector, points: Vector) -> float:
     """
     slope, before, after = np.diff(x) / np.diff(points), slopes[:-1], slopes[1:]
     low, high = np.minimum(before, after), np.maximum(before, after)
+    # the constant is for slopes that are 0 but for rounding
     margin = (high - low) + _MARGIN * np.abs(slopes).max() + 1e-12
     outside = np.maximum(np.maximum(low - margin - slope, slope - high - margin), 0.0)
     size = np.maximum(np.abs(slope), np.maximum(np.abs(before), np.abs(after)))

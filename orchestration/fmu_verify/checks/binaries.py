@@ -134,6 +134,7 @@ def loads(subject: Subject) -> CheckOutcome:
     for library in libraries:
         note(f"loading {library}")
         try:
+            # loading runs initializers of the library, which may crash: hence the note before
             ctypes.CDLL(str(library.path))
         except (OSError, UnicodeDecodeError) as error:  # the loader's message can quote bytes of the library
             fact, remedy = diagnose_library(library.path, error)

@@ -77,6 +77,7 @@ def _find_missing_libraries(root: Any, subject: Subject) -> Iterator[Problem]:
     """Yield libraries that the environment need not provide, but that the FMU does not have."""
     for configuration in root.iterfind("BuildConfiguration"):
         platform = configuration.get("platform")
+        # a configuration without a platform is for all
         folders = [p for p in list_platforms(subject) if platform in (None, p.name)]
         stems = {p.stem.removeprefix("lib") for f in folders for p in f.iterdir()}
         for library in configuration.iterfind("Library"):

@@ -127,6 +127,7 @@ def _call_in_phase(subject: Subject, forbidden: _Forbidden) -> int:
     go_to_phase(instance, forbidden.phase)
     instance.circumstance = f" {forbidden.phase}"
     status = forbidden.call(instance)
+    # a crash in these calls is a consequence of the forbidden one
     instance.circumstance = f" after {forbidden.function} {forbidden.phase}"
     if status != FATAL:
         instance.status("fmi2Reset")

@@ -33,8 +33,8 @@ _POINTS = 3
 _CHANGE = 1e-2
 """Change of a known, relative to its scale."""
 
+# smallest relative change of an unknown that counts; less may be rounding
 _MIN_EFFECT = 1e-9
-"""Smallest relative change of an unknown that counts; less may be rounding."""
 
 Pairs = dict[tuple[str, str], str]
 """Unknown and known, with the place where the unknown changed with the known."""

@@ -27,11 +27,11 @@ _POINTS = 5
 _STEPS = (1e-3, 1e-4)
 """Step sizes of two differences, relative to the scale of the known."""
 
+# allowed relative error of a derivative; that of the differences is smaller
 _MAX_ERROR = 1e-3
-"""Allowed relative error of a derivative; that of the differences is smaller."""
 
+# points with a wrong derivative from which it counts: one may be a kink
 _MIN_WRONG_POINTS = 2
-"""Points with a wrong derivative from which it counts: one may be a kink."""
 
 _ROUNDING = 1e-13
 """Relative change of an unknown that is lost in rounding."""
@@ -125,6 +125,7 @@ def _compare_at_points(subject: Subject, points: Points) -> list[_Slope]:
 def _compare_at_point(point: Point) -> Iterator[_Slope]:
     if not point.unknowns:
         return
+    # the same directions in each examination
     random, variables = np.random.default_rng(1), point.instance.subject.variables
     knowns = [name for name in point.knowns if variables[name].variability in (None, "continuous")]
     for known in knowns:

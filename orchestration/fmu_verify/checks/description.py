@@ -39,6 +39,7 @@ def readable(subject: Subject) -> CheckOutcome:
     version = root.get("fmiVersion")
     if version != "2.0" and subject.version != 3:
         return _judge_version(version)
+    # entities of a definition could fill the memory, or read other files
     if root.getroottree().docinfo.internalDTD is not None:
         return failed(f"{DESCRIPTION} has a document type definition, which FMI does not allow.")
     if not subject.kinds:

@@ -27,8 +27,8 @@ _STANDARD_LIBRARY = re.compile(
 )
 """Libraries that come with every GNU/Linux, macOS or Windows."""
 
+# folders with the libraries of a system, which every program finds without a path
 _SYSTEM_FOLDER = re.compile(r"/(usr/(local/)?)?lib(32|64)?(/[^/]*-linux-[^/]*)?/?")
-"""Folders with the libraries of a system, which every program finds without a path."""
 
 _UNDEFINED = 0
 """Section index of symbols that other libraries define."""

@@ -73,17 +73,17 @@ _WARM_UP = 0.02
 _FEWEST = 10
 """Fewest cycles of a batch, unless they are slow."""
 
+# Most cycles of a batch: enough for the smallest leak that counts. More may take all addresses.
 _MOST = 41
-"""Most cycles of a batch: enough for the smallest leak that counts. More may take all addresses."""
 
 _LEAK = 200.0
 """Bytes per cycle below which growth is ignored."""
 
+# bytes per cycle from which the check fails: hosts with many instances notice
 _SERIOUS = 2.0**14
-"""Bytes per cycle from which the check fails: hosts with many instances notice."""
 
+# Bytes by which each batch must grow. A few pages are not a leak.
 _PAGES = 2.0**13
-"""Bytes by which each batch must grow. A few pages are not a leak."""
 
 
 @check("instance.cycles", clause=quote("shared.freed"), needs=("run.completes",), time_factor=4.0)
@@ -128,6 +128,7 @@ def _run_cycle(instance: HostedInstance, course: Experiment) -> None:
 
 def _measure_leak(instance: HostedInstance, course: Experiment, count: int) -> float:
     """Return the bytes by which the process grows with each cycle; 0 if it does not grow in each batch."""
+    # growth is judged batch by batch: caches grow once, leaks with each batch
     used = [_read_used()]
     for _ in range(_BATCHES):
         for _ in range(count):
@@ -208,8 +209,8 @@ def _find_worst(outcomes: list[CheckOutcome]) -> CheckOutcome | None:
 
 _THREADS = 2, 8
 _STEPS_IN_THREADS = 30
+# part of the time limit for each of the runs one after the other; slow FMUs do fewer steps
 _PART = 0.1
-"""Part of the time limit for each of the runs one after the other; slow FMUs do fewer steps."""
 
 
 @check("instance.threads", needs=("instance.independent",), time_factor=9.0, advisory=True)

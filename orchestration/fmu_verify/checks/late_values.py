@@ -19,8 +19,8 @@ from ..subject import Subject
 from ..verdict import CheckOutcome, skipped
 
 _STEPS = 6
+# steps of a longer run, before a value counts as one without effect: a controller may sample rarely
 _MORE_STEPS = 60
-"""Steps of a longer run, before a value counts as one without effect: a controller may sample rarely."""
 
 _STEPS_OF_CHANGE = (1, 2, 3)
 """Steps before which a value is set."""
@@ -93,6 +93,7 @@ def _examine_variable(
     at_start = _find_effect(first, plain, 0)
     if at_start is None or _find_effect(first[2:], plain[2:], 0) is None:
         return  # nothing, or only in initial values that vanish
+    # several instants, since one may be when the FMU samples its inputs
     delays = list[int | None]()
     for change_step in _STEPS_OF_CHANGE:
         rows, value = in_separate_process(_run, subject, results, variable, change_step, _STEPS)

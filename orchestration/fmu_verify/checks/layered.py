@@ -56,6 +56,7 @@ def manifests(subject: Subject) -> CheckOutcome:
         except CommandError as error:
             findings.problems.append(sentence(error))
             continue
+        # the folder decides, so that another name in the manifest is a fault
         name = path.parent.name if path.parent.name in _STANDARDS else manifest.name
         standard = _STANDARDS.get(name or "")
         if standard is None:

@@ -25,8 +25,8 @@ _MOST_CATEGORIES = 6
 _ALL = "logAll"
 """The category that section 2.2.4 proposes for all messages."""
 
+# most steps: messages come with events, which may be late
 _STEPS = 200
-"""Most steps: messages come with events, which may be late."""
 
 _STEPS_OF_ONE = 50
 """Most steps with one category enabled alone, of which there may be many."""

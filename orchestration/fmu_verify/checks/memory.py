@@ -19,8 +19,8 @@ from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, passed, skipped, warned
 
+# calls of a batch, unless they are slow: where the C library counts bytes, and where it does not
 _CALLS = {True: 300, False: 1000}
-"""Calls of a batch, unless they are slow: where the C library counts bytes, and where it does not."""
 
 _BATCHES = 4
 _TIME_FRACTION = 0.01

@@ -52,6 +52,7 @@ def split(subject: Subject) -> CheckOutcome:
         Experiment(start + _STRIDE * stride * np.arange(float(len(course.times[::_STRIDE]))), rare_inputs),
         "ModelExchange",
     )
+    # the FMU may end one of the runs early
     rows = min(len(rare.times), len(frequent.times[::_STRIDE]))
     frequent_values, rare_values = frequent.values[::_STRIDE][:rows], rare.values[:rows]
     scale = np.maximum(np.ptp(frequent_values, axis=0), np.ptp(rare_values, axis=0))

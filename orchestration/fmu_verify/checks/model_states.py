@@ -139,6 +139,7 @@ def _find_jump(
                 if not (np.abs(right_slopes - left_slopes) > _JUMP * scale).any():
                     continue
                 for _ in range(_HALVINGS):
+                    # halving leads to where the derivative jumps, if it does
                     middle = 0.5 * (left_states + right_states)
                     between = derive(middle)
                     if np.abs(between - left_slopes).max() > np.abs(right_slopes - between).max():

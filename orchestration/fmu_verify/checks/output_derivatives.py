@@ -80,5 +80,6 @@ def _are_outside(derivatives: Vector, slopes: Vector) -> Vector:
     """Return where a derivative is outside of the slopes of the steps before and after it."""
     inner = derivatives[1:-1]
     low, high = np.minimum(slopes[:-1], slopes[1:]), np.maximum(slopes[:-1], slopes[1:])
+    # the constant is for slopes that are 0 but for rounding
     margin = (high - low) + _MARGIN * np.abs(slopes).max(axis=0, initial=0.0) + 1e-12
     return ~((inner >= low - margin) & (inner <= high + margin))

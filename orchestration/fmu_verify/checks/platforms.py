@@ -73,6 +73,7 @@ def version(subject: Subject) -> CheckOutcome:
 def _call_text_function(library: ctypes.CDLL, name: str) -> bytes | None:
     note(name)
     function = getattr(library, name)
+    # ctypes takes int for a function without a type, which cuts a pointer
     function.restype, function.argtypes = ctypes.c_char_p, []
     return function()
 

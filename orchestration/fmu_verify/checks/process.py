@@ -208,6 +208,7 @@ def _record_streams(subject: Subject) -> dict[str, tuple[int, str]]:
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as errors:
         streams = {"standard output": (1, out), "standard error": (2, errors)}
         for number, stream in streams.values():
+            # C libraries write to descriptors, not to the streams of Python
             os.dup2(stream.fileno(), number)
         _run(subject)
         load_c_library().fflush(None)

@@ -120,8 +120,8 @@ def _measure_reached(subject: Subject, start_time: float) -> Vector:
 
 _MOST_OUTPUTS = 300
 _MOST_INPUTS = 10
+# more than others take: what stops does so late
 _MAX_STEPS = 250
-"""More than others take: what stops does so late."""
 
 _MIN_STEPS = 5
 """Fewest steps before and after a time at which something stops."""

@@ -241,6 +241,7 @@ def _judge_state(subject: Subject, file: RelatedFile) -> CheckOutcome:
     if not subject.has_capability("canSerializeFMUstate"):
         return failed("The FMU does not set canSerializeFMUstate, so that no tool can restore it.")
     data = path.read_bytes()
+    # what the first one leaves in memory cannot help the second one
     first, second = (in_fresh_process(_run_from_state, subject, data) for _ in range(2))
     wrong = ~np.isfinite(first.values).all(axis=0)
     if wrong.any():

@@ -26,8 +26,8 @@ from ..verdict import CheckOutcome, failed, noted, passed, warned
 from ._sameness import compare_runs
 from .iteration import explain_endless
 
+# part of the time limit for one run; other checks run as many steps as are possible in this time
 _PART = 0.4
-"""Part of the time limit for one run; other checks run as many steps as are possible in this time."""
 
 
 @check("run.completes", needs=("instance.created",))
@@ -127,6 +127,7 @@ def ranges(subject: Subject) -> CheckOutcome:
 def _describe_violation(subject: Subject, name: str, values: np.ndarray, trajectory: OutputTrajectory) -> str:
     variable = subject.variables[name]
     low, high = read_limits(variable)
+    # the standard allows "a certain uncertainty" of solvers
     slack = _UNCERTAIN * max((abs(x) for x in (low, high) if math.isfinite(x)), default=0.0)
     wrong = (values < low - slack) | (values > high + slack)
     if not wrong.any():

@@ -20,6 +20,7 @@ _check = partial(
 _OUTSIDE = quote("sanitizer.address")
 _LIFETIME = quote("sanitizer.lifetime")
 _FREE = quote("sanitizer.free")
+# what each error of AddressSanitizer violates; all others are accesses outside of an object
 _CLAUSES = {
     "heap-use-after-free": _LIFETIME,
     "stack-use-after-return": _LIFETIME,
@@ -28,7 +29,6 @@ _CLAUSES = {
     "double-free": _FREE,
     "bad-free": _FREE,
 }
-"""What each error of AddressSanitizer violates; all others are accesses outside of an object."""
 
 _ENDED = skipped("It needs sanitizer.address, which failed: the run ended there.")
 

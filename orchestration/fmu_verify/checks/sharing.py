@@ -14,8 +14,8 @@ from ..subject import Subject
 from ..verdict import CheckOutcome, Verdict, failed, quote, skipped
 from .values import judge_unchanged, read_values
 
+# relative difference of results that is none: instances lie at other addresses
 _ROUNDING = 1e-9
-"""Relative difference of results that is none: instances lie at other addresses."""
 
 _STEPS = 3
 """Steps of runs that show whether instances share values."""
@@ -32,6 +32,7 @@ def shared(subject: Subject) -> CheckOutcome:
     changes = list_other_values(list_settable(subject, "parameter", "input"))
     variables = [v for v in subject.description.modelVariables if not v.clocks]
     names = [v.name for v in variables if v.causality in ("output", "structuralParameter")]
+    # alone in its process, so that nothing can be shared
     plain = in_fresh_process(_record_results, subject, None, names[:MOST])
     structural = [_record_structural_results] if list_settable(subject, "structuralParameter") else []
     for run in (_record_results, _record_tuned_results, *structural):

@@ -24,11 +24,11 @@ _MISSING = re.compile(r"fatal error: '?([^'\n]+?)'?(?:: No such file or director
 
 
 _TIME_FACTOR = 8.0
+# Part of the time limit for the compiler, which may run twice. What takes longer is not judged.
 _PART = 0.3
-"""Part of the time limit for the compiler, which may run twice. What takes longer is not judged."""
 
+# Part of the time limit for the build with sanitizers. If it succeeds, other checks use it, too.
 _SANITIZERS = 0.2
-"""Part of the time limit for the build with sanitizers. If it succeeds, other checks use it, too."""
 
 _LISTED = quote("sources.listed")
 
@@ -97,6 +97,7 @@ def _judge_configurations(subject: Subject) -> CheckOutcome:
         if _can_build_for_sanitizers(subject, kind, needed):
             continue
         names = [path.relative_to(folder.resolve()).as_posix() for path in sources.files]
+        # functions then have no prefix, which those of static libraries have
         macros = (*sources.macros, "-DFMI3_OVERRIDE_FUNCTION_PREFIX")
         if (
             outcome := _describe_compilation(folder, names, seconds, sources.includes, macros, needed)

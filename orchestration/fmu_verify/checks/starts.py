@@ -61,6 +61,7 @@ def _is_left_open(problem: Problem) -> bool:
 
 def _find_wrong_starts(variable: DeclaredVariable, items: Mapping[str, set[int]]) -> Iterator[Problem]:
     """Yield what is wrong with each different start value."""
+    # in FMI 3.0, an array has several
     starts = (variable.start or "").split() if variable.version == 3 else [variable.start]
     for start in dict.fromkeys(starts) or [None]:
         attributes = {name: text for name, text in variable.attributes.items() if name != "start"}

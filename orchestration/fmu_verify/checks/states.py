@@ -17,9 +17,9 @@ from ..verdict import CheckOutcome, Verdict, failed, noted, passed, quote, skipp
 from ._sameness import compare_runs
 from .memory import read_allocated
 
+# Effect of an internal solver that restarts when a state is set, relative to an output's range: up to it,
+# a difference only warns. Solvers of stiff models with a loose tolerance reach several percent.
 _ALLOWED = 0.1
-"""Effect of an internal solver that restarts when a state is set, relative to an output's range: up to it, a
-difference only warns. Solvers of stiff models with a loose tolerance reach several percent."""
 
 
 @check("state.restored", needs=("run.deterministic",), time_factor=4.0)
@@ -61,12 +61,12 @@ def _run_twice(instance: HostedInstance, course: Experiment, first: int, last: i
     return outcomes
 
 
+# how often a state is saved again before memory is measured: where the C library counts bytes, and where
+# it does not
 _MAX_SAVES = {True: 500, False: 5000}
-"""How often a state is saved again before memory is measured: where the C library counts bytes, and where
-it does not."""
 
+# part of the time limit in which that ends: states can be large
 _TIME_FRACTION = 0.05
-"""Part of the time limit in which that ends: states can be large."""
 
 _MIN_GROWTH = 2.0**16, 2.0**12
 """Bytes by which the process must grow each time, counted by pages (a few are not a leak), and exactly."""
@@ -135,8 +135,8 @@ def serialized(subject: Subject) -> CheckOutcome:
 
 
 _WORD = 8
+# added to addresses in the bytes of a state, which then lead nowhere
 _SHIFT = 1 << 46
-"""Added to addresses in the bytes of a state, which then lead nowhere."""
 
 
 def _find_addresses(data: bytes) -> list[int]:
@@ -212,6 +212,7 @@ def restore_bytes(instance: HostedInstance, data: bytes) -> None:
 
 def _judge_damaged(subject: Subject, data: bytes) -> CheckOutcome:
     """Check that truncated or changed bytes do not crash the FMU."""
+    # the same damage in each examination
     random = np.random.default_rng(1)
     cases = {"half of the bytes": data[: len(data) // 2], "one byte": data[:1]}
     for k in range(4):

@@ -153,6 +153,7 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
         *_find_invalid(listed, declared, _INITIAL),
         *_compare_indices(listed, expected, declared, _INITIAL, doubtful),
     ]
+    # the order is judged only of a list that has what it should have
     swapped = [(a, b) for a, b in pairwise(listed.unknowns) if a.index > b.index]
     if not problems and declared.version == 2 and swapped:
         before, after = swapped[0]

@@ -88,6 +88,7 @@ def ticks(subject: Subject) -> CheckOutcome:
         if sum(instance.events.ticks.values()) == ticks:
             for name, value in values.items():
                 was = before.get(name, value)
+                # NaN is not a change
                 if value != was and not (math.isnan(value) and math.isnan(was)):
                     text = (
                         f"{name} changes from {was:.9g} to {value:.9g} in the step to "

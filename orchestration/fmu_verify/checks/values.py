@@ -131,6 +131,7 @@ def judge_unchanged(subject: Subject, read_values_after: Any, when: str) -> Chec
     answers = run_where_accepted(read_values_after, subject, changes)
     if not answers:
         return skipped(_VALUES_REFUSED)
+    # a new process: static variables keep what earlier instances did
     fresh = in_fresh_process(_read_after_start, subject, list(changes))
     problems, count = [], 0
     for accepted, values in answers:

@@ -152,6 +152,7 @@ def _find_lower_variability(alias_set: Sequence[DeclaredVariable]) -> Iterator[P
     """Yield outputs that claim to change less often than an alias, which has the same value."""
     if any(v.causality in ("input", "parameter", "independent") for v in alias_set):
         return
+    # an alias has the value of all others, and changes as often
     highest = max(alias_set, key=lambda v: _ORDER.index(v.variability))
     for lower in alias_set:
         if lower.causality == "output" and "constant" != lower.variability != highest.variability:

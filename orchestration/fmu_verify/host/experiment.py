@@ -15,8 +15,8 @@ MOST_STEPS = 100
 """Most steps of one run. References reveal later problems."""
 
 
+# most values that one run exchanges, but for the fewest steps: FMUs with many variables run for fewer
 _MOST_VALUES = 100_000
-"""Most values that one run exchanges, but for the fewest steps: FMUs with many variables run for fewer."""
 
 FEWEST_STEPS = 5
 """Fewest steps of a run of an FMU that is slow or has many variables."""
@@ -53,8 +53,10 @@ def read_span(subject: Subject) -> tuple[float, float, int]:
     default = subject.description.defaultExperiment
     start = parse_number(default.startTime if default else None, 0.0)
     stop = parse_number(default.stopTime if default else None, start + 1.0)
+    # a run needs some length
     stop = stop if stop > start else start + 1.0
     step = parse_number(default.stepSize if default else None, (stop - start) / MOST_STEPS)
+    # steps that are missing, or make no sense, become a hundredth of the run
     step = step if 0.0 < step <= stop - start else (stop - start) / MOST_STEPS
     solver = subject.tree.find("CoSimulation") if subject.version == 3 else None
     internal = 0.0 if solver is None else parse_number(solver.get("fixedInternalStepSize"), 0.0)

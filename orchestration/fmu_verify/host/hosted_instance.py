@@ -249,6 +249,7 @@ class HostedInstance(FmiInstance):
         size = c_size_t()
         with self.calling():
             self.fmu.fmi2SerializedFMUstateSize(self.fmu.component, state, byref(size))
+            # a wrong size would make this process allocate what it has not
             if not 0 < size.value <= _LARGEST_STATE:
                 return size.value
             content = self.fmu.serializeFMUState(state) if self._is_3 else self.fmu.serializeFMUstate(state)

@@ -35,11 +35,13 @@ class OutputTrajectory:
 
     def same(self, other: "OutputTrajectory") -> bool:
         """Return whether both are bitwise equal."""
+        # NaN is the same as NaN here, but 0 is not -0
         return self.values.tobytes() == other.values.tobytes()
 
     def first_difference(self, other: "OutputTrajectory") -> tuple[str, float]:
         """Return the name and time in s of the first value that is not bitwise equal."""
         rows = min(len(self.times), len(other.times))
+        # bits of NaN are equal, although NaN is not
         differs = self.values[:rows].view(np.int64) != other.values[:rows].view(np.int64)
         if not differs.any():
             return "the end of the run", float(self.times[rows - 1])

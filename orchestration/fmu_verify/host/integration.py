@@ -17,8 +17,8 @@ from emla_cosim.fmu.version_3 import rename
 
 from ..subject import Subject
 
+# CVode gets a thousandth of it: it restarts at each communication point, and the errors add up
 _SETTINGS = IntegratorSettings(tolerance=1e-6)
-"""CVode gets a thousandth of it: it restarts at each communication point, and the errors add up."""
 
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)

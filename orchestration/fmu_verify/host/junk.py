@@ -10,8 +10,8 @@ from .process_state import load_c_library
 BYTE = 0x40
 """The byte that fills fresh memory: it makes ordinary doubles, 32.5, so that sums reveal them."""
 
+# how many blocks of each size are allocated first, and the size of one more: addresses shift
 _BLOCKS, _BYTES = 5, 37 * 2**20 + 4096
-"""How many blocks of each size are allocated first, and the size of one more: addresses shift."""
 
 _M_PERTURB = -6
 _SIZES = range(16, 2049, 16)
@@ -21,6 +21,7 @@ _OF_EACH_SIZE = 16
 @contextlib.contextmanager
 def fill_memory() -> Iterator[None]:
     """Fill the memory that the C library allocates next with junk, and shift its addresses, if possible."""
+    # other addresses, on which results must not depend
     shifting_block = ctypes.create_string_buffer(_BYTES)
     library = load_c_library()
     with contextlib.suppress(AttributeError):  # not all systems have these

@@ -12,6 +12,7 @@ def format_message(text: str) -> str:
 class Log(FmuLog):
     """All messages of all instances of this process, oldest first."""
 
+    # also messages with a status that the standard does not have
     least = -(2**31)
 
     def __init__(self) -> None:

@@ -17,11 +17,11 @@ from .hosted_instance import CallError
 MOST = 300
 """Most variables that a check changes or reads."""
 
+# part of the time limit that an FMU may take with other values: they need not make sense to the model
 _PATIENCE = 0.25
-"""Part of the time limit that an FMU may take with other values: they need not make sense to the model."""
 
+# relative difference of Reals that counts: tools round start values that they write
 _CLOSE = 1e-5
-"""Relative difference of Reals that counts: tools round start values that they write."""
 
 Values = dict[str, Any]
 
@@ -49,6 +49,7 @@ def choose_other(variable: ModelVariable) -> Any:
     if variable.type == "Boolean":
         return not start
     if variable.type == "String":
+        # any text but that of the start value
         return f"{start}2"
     if variable.type == "Enumeration":
         return next((value for value in list_items(variable) if value != start), None)

@@ -144,6 +144,7 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
     course = make_experiment(subject)
     knowns = [v.name for v in subject.of_causality("input")]
     dependencies, moved_inputs = choose(at_initialization(subject), knowns)
+    # each point has an instance of its own
     indices = np.linspace(0, len(course.times) - 1, 1 if is_single_instance(subject) else count)
     for k in np.unique(indices.astype(int)):
         instance = HostedInstance(subject)

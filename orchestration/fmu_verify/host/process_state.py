@@ -155,6 +155,7 @@ def can_read_memory() -> bool:
 def read_memory() -> float:
     """Return the resident memory of this process in bytes, after a garbage collection."""
     gc.collect()
+    # the second number is that of resident pages
     return float(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 

@@ -155,6 +155,7 @@ def read_setup(subject: Subject, setup: ExperimentSetup) -> tuple[ReferenceSolut
     start, stop = setup.numbers.get("startTime", start), setup.numbers.get("stopTime", stop)
     if not stop > start:
         raise CommandError(f"it ends at t = {stop:g} s, not after its start at t = {start:g} s.")
+    # rounding must not add a step
     step = setup.numbers.get("stepSize") or (stop - start) / math.ceil((stop - start) / step - 1e-6)
     if abs((stop - start) / step - round((stop - start) / step)) > 1e-3:
         raise NotRunError(f"{start:g} s to {stop:g} s is not a whole number of its steps of {step:g} s.")

@@ -99,6 +99,7 @@ def read_start_values(subject: Subject, values: Mapping[str, Any]) -> dict[str, 
 
 def _sample(variable: ModelVariable, rows: Vector, values: Vector, times: Vector) -> Vector:
     ahead = _TIME_TOLERANCE * float(times[1] - times[0])
+    # of rows at the same time, which are an event, the last one counts
     last = np.maximum(np.searchsorted(rows, times + ahead, side="right") - 1, 0)
     if variable.type == "Real" and variable.variability in (None, "continuous"):
         at_event = (np.abs(rows[last] - times) <= ahead) & (rows[np.maximum(last - 1, 0)] == rows[last])

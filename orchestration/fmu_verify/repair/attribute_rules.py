@@ -18,12 +18,13 @@ from .record import Change, describe_element
 
 _DATE = "generationDateAndTime"
 _VALID_DATE = re.compile(r"-?\d{4,}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?")
+# Forms of dates whose parts have one order. Days before months could be months before days.
 _DATES = (
     *("%Y-%m-%d %H:%M:%S", "%Y-%m-%d %H:%M:%SZ", "%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S%z", "%Y-%m-%d"),
     *("%Y-%m-%d %H:%M:%S%z", "%Y/%m/%d %H:%M:%S", "%Y%m%dT%H%M%S", "%Y%m%dT%H%M%SZ", "%a %b %d %H:%M:%S %Y"),
 )
-"""Forms of dates whose parts have one order. Days before months could be months before days."""
 
+# attributes with a list of allowed words, which differ in more than case
 _WORDS = {
     "causality": (
         *("parameter", "calculatedParameter", "structuralParameter", "input", "output", "local"),
@@ -34,7 +35,6 @@ _WORDS = {
     "variableNamingConvention": ("flat", "structured"),
     "dependenciesKind": ("dependent", "constant", "fixed", "tunable", "discrete"),
 }
-"""Attributes with a list of allowed words, which differ in more than case."""
 
 _BOOLEANS = re.compile(r"(can|needs|provides|has|completed)[A-Z]\w*|relativeQuantity")
 _BEFORE_UNITS = ("ModelExchange", "CoSimulation", "ScheduledExecution")

@@ -36,12 +36,12 @@ from .encoding_rules import mend_encoding
 from .record import Change, write_record
 from .structure_rules import mend_structure
 
+# The comment of a repaired archive. A key of our own FMUs must not stay, because the content is another.
 _MARK = b"repaired by emla-cosim"
-"""The comment of a repaired archive. A key of our own FMUs must not stay, because the content is another."""
 
 _SYSTEM = "SystemStructure.ssd"
+# static checks that text cannot change; they load, parse or compile binaries and sources
 _UNAFFECTED = ("symbols", "imports", "loads", "version", "compile")
-"""Static checks that text cannot change; they load, parse or compile binaries and sources."""
 
 _CHECKS = tuple(c.name for c in STATIC if c.name.partition(".")[2] not in _UNAFFECTED)
 
@@ -178,6 +178,7 @@ def _rewrite(archive: zipfile.ZipFile, texts: dict[str, bytes]) -> bytes:
     with zipfile.ZipFile(stream, "w") as target:
         for entry in archive.infolist():
             text = texts.get(entry.filename)
+            # `writestr` changes the entry
             target.writestr(copy(entry), archive.read(entry) if text is None else text)
         target.comment = _MARK
     return stream.getvalue()

@@ -20,15 +20,15 @@ FOLDER = "sanitized"
 """Folder for libraries and results in the scratch folder of a subject."""
 
 _FLAGS = ("-g1", "-O0", "-w", "-fno-omit-frame-pointer", "-fno-common")
+# Parts of UBSan that take long to compile, for accesses that AddressSanitizer sees. The last one reports
+# what is common and harmless: a NULL pointer with a length of 0.
 _LESS = "-fno-sanitize=null,object-size,pointer-overflow,nonnull-attribute"
-"""Parts of UBSan that take long to compile, for accesses that AddressSanitizer sees. The last one reports
-what is common and harmless: a NULL pointer with a length of 0."""
 
 _ALL = ("-fsanitize=address,undefined", _LESS)
 _UNDEFINED_ONLY = ("-fsanitize=undefined", "-fno-sanitize-trap=undefined", _LESS)
 
+# Options to warn of functions that no file has. Some compilers link those of sanitizers only to programs.
 _WARN = ("-Wl,--no-undefined", "-Wl,--warn-unresolved-symbols")
-"""Options to warn of functions that no file has. Some compilers link those of sanitizers only to programs."""
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ _TYPES = {
 }
 """Types in the names of functions, by version of FMI."""
 
+# step of Model Exchange relative to the communication step: the host integrates by Euler's rule
 _PART_OF_STEP = 0.01
-"""Step of Model Exchange relative to the communication step: the host integrates by Euler's rule."""
 
 
 def write_plan(subject: Subject, kind: str) -> str:

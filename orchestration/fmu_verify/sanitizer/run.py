@@ -202,6 +202,7 @@ def _make_environment(folder: Path, memory_limit: int) -> dict[str, str]:
         "detect_stack_use_after_return": 1,
         "detect_odr_violation": 0,
         "allocator_may_return_null": 1,
+        # the address space cannot be limited: AddressSanitizer reserves most of it
         "hard_rss_limit_mb": max(1, memory_limit >> 20),
     }
     text = ":".join(f"{name}={value}" for name, value in common.items())
