@@ -15,12 +15,9 @@ _MOST_PARTS = 20
 _32_BITS = 1
 
 _TARGETS_OF_VERSION_2 = {
-    "linux32": ("linux", "x86"),
-    "linux64": ("linux", "x86_64"),
-    "win32": ("windows", "x86"),
-    "win64": ("windows", "x86_64"),
-    "darwin32": ("darwin", "x86"),
-    "darwin64": ("darwin", "x86_64"),
+    f"{name}{bits}": (system, processor)
+    for name, system in (("linux", "linux"), ("win", "windows"), ("darwin", "darwin"))
+    for bits, processor in ((32, "x86"), (64, "x86_64"))
 }
 _SYSTEMS = {
     **dict.fromkeys(("windows", "win"), "windows"),

@@ -27,12 +27,11 @@ def compare_runs(
         Passed if both are equal, a warning within `allowed`, otherwise failed.
     """
     deviations = actual.distance(expected)
+    same_values = f"{run_name} gave the same {len(expected.times)} x {len(expected.names)} values"
     if actual.same(expected):
-        return passed(
-            f"{run_name} gave the same {len(expected.times)} x {len(expected.names)} values to the last bit."
-        )
+        return passed(f"{same_values} to the last bit.")
     if not deviations.any():  # 0 and -0, or two kinds of NaN
-        return passed(f"{run_name} gave the same {len(expected.times)} x {len(expected.names)} values.")
+        return passed(f"{same_values}.")
     if len(actual.times) != len(expected.times):
         return failed(
             f"{run_name} ended at t = {actual.times[-1]:.9g} s, not at t = {expected.times[-1]:.9g} s.",
@@ -41,12 +40,10 @@ def compare_runs(
     name, time = actual.first_difference(expected)
     worst = int(deviations.argmax()) if len(deviations) else 0
     figures = {"largest_difference": float(deviations[worst]) if len(deviations) else 0.0}
-    most = (
-        f", most in {expected.names[worst]}, by {deviations[worst]:.3g} of its range"
-        if expected.names
-        else ""
-    )
-    sentence = f"{run_name} differs from {name} at t = {time:.9g} s on{most}."
+    sentence = f"{run_name} differs from {name} at t = {time:.9g} s on"
+    if expected.names:
+        sentence += f", most in {expected.names[worst]}, by {deviations[worst]:.3g} of its range"
+    sentence += "."
     return (failed if figures["largest_difference"] > allowed else warned)(sentence, figures=figures)
 
 

@@ -76,9 +76,8 @@ def integrate(subject: Subject) -> CheckOutcome:
         return failed(f"{states} stays the same in {_STEPS} steps, although its derivative is not 0.")
     gaps = list_left_out(moved_count, len(inputs), "inputs were moved.")
     if time_stays:
-        gaps += (
-            "The time that the FMU reaches stays the same in some steps, so that slopes have no length.",
-        )
+        gap = "The time that the FMU reaches stays the same in some steps, so that slopes have no length."
+        gaps += (gap,)
     # internal steps may be longer
     return judge_problems((), f"{len(pairs)} states follow their derivatives.", list(messages.values()), gaps)
 
@@ -109,11 +108,9 @@ def _compute_wrong_fraction(x: Vector, slopes: Vector, points: Vector) -> float:
     outside = np.maximum(np.maximum(low - margin - slope, slope - high - margin), 0.0)
     size = np.maximum(np.abs(slope), np.maximum(np.abs(before), np.abs(after)))
     is_comparable = np.isfinite(size) & (size > 0.0)
-    return (
-        float(np.mean(outside[is_comparable] > _MAX_SLOPE_ERROR * size[is_comparable]))
-        if is_comparable.any()
-        else 0.0
-    )
+    if not is_comparable.any():
+        return 0.0
+    return float(np.mean(outside[is_comparable] > _MAX_SLOPE_ERROR * size[is_comparable]))
 
 
 @check("exchange.inputs", clause=quote("shared.indices"), needs=("run.deterministic",), time_factor=2.0)

@@ -106,15 +106,13 @@ def cycles(subject: Subject) -> CheckOutcome:
     if leak:  # measure again, for longer, to be sure
         count *= 2
         leak = _measure_leak(instance, course, count)
-    figures = {"bytes_per_cycle": leak, "cycles": _BATCHES * count}
+    cycle_count = _BATCHES * count
+    figures = {"bytes_per_cycle": leak, "cycles": cycle_count}
     if leak:
-        judge = failed if figures["bytes_per_cycle"] > _SERIOUS else warned
-        return judge(
-            f"The process grew by {figures['bytes_per_cycle']:.0f} bytes with each of {figures['cycles']} "
-            "instances that were created, run, reset, run again, terminated and freed.",
-            figures=figures,
-        )
-    return passed(f"{figures['cycles']} instances were created, run, reset and freed.", figures=figures)
+        message = f"The process grew by {leak:.0f} bytes with each of {cycle_count} instances that were"
+        message = f"{message} created, run, reset, run again, terminated and freed."
+        return (failed if leak > _SERIOUS else warned)(message, figures=figures)
+    return passed(f"{cycle_count} instances were created, run, reset and freed.", figures=figures)
 
 
 def _run_cycle(instance: HostedInstance, course: Experiment) -> None:
@@ -200,11 +198,7 @@ def _run_in_turns(subject: Subject, courses: list[Experiment]) -> list[OutputTra
 
 
 def _find_worst(outcomes: list[CheckOutcome]) -> CheckOutcome | None:
-    for verdict in (Verdict.FAILED, Verdict.WARNING):
-        for outcome in outcomes:
-            if outcome.verdict == verdict:
-                return outcome
-    return None
+    return next((o for v in (Verdict.FAILED, Verdict.WARNING) for o in outcomes if o.verdict == v), None)
 
 
 _THREADS = 2, 8

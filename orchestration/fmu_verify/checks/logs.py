@@ -102,8 +102,6 @@ def errors(subject: Subject) -> CheckOutcome:
 _Answer = tuple[int, bool]
 """The status of a call in a wrong phase, and whether a message came."""
 
-_NONE = OK, False
-
 
 def _collect_answers(subject: Subject) -> list[_Answer]:
     """Return the answers to all calls; each call has a process of its own if they do harm in one."""
@@ -111,14 +109,11 @@ def _collect_answers(subject: Subject) -> list[_Answer]:
     if not is_single_instance(subject):
         with suppress(CallError, EndedError):
             return in_fresh_process(_call_all, subject, numbers)
-    return [_call_separately(subject, number) for number in numbers]
-
-
-def _call_separately(subject: Subject, number: int) -> _Answer:
-    try:
-        return in_fresh_process(_call, subject, number)
-    except (CallError, EndedError):  # other checks report it
-        return _NONE
+    answers = [(OK, False)] * len(numbers)
+    for number in numbers:
+        with suppress(CallError, EndedError):  # other checks report it
+            answers[number] = in_fresh_process(_call, subject, number)
+    return answers
 
 
 def _call_all(subject: Subject, numbers: Sequence[int]) -> list[_Answer]:

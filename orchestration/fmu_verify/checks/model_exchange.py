@@ -43,30 +43,23 @@ def split(subject: Subject) -> CheckOutcome:
     inputs = {name: np.full(len(course.times), v[0]) for name, v in course.inputs.items()}
     start, step, count = read_span(subject)
     stride = step * max(1, count // (len(course.times) - 1))
-    frequent = run_alone(
-        subject, Experiment(start + stride * np.arange(float(len(course.times))), inputs), "ModelExchange"
-    )
+    times = start + stride * np.arange(float(len(course.times)))
+    frequent = run_alone(subject, Experiment(times, inputs), "ModelExchange")
     rare_inputs = {name: v[::_STRIDE] for name, v in inputs.items()}
-    rare = run_alone(
-        subject,
-        Experiment(start + _STRIDE * stride * np.arange(float(len(course.times[::_STRIDE]))), rare_inputs),
-        "ModelExchange",
-    )
+    rare_times = start + _STRIDE * stride * np.arange(float(len(times[::_STRIDE])))
+    rare = run_alone(subject, Experiment(rare_times, rare_inputs), "ModelExchange")
     # the FMU may end one of the runs early
     rows = min(len(rare.times), len(frequent.times[::_STRIDE]))
     frequent_values, rare_values = frequent.values[::_STRIDE][:rows], rare.values[:rows]
     scale = np.maximum(np.ptp(frequent_values, axis=0), np.ptp(rare_values, axis=0))
     different_fraction = (np.abs(frequent_values - rare_values) > _MAX_DIFFERENCE * scale).mean(axis=0)
-    names = [
-        f"{n} differs in {part:.0%} of the rows"
-        for n, part in zip(frequent.names, different_fraction, strict=True)
+    where = "where the host enters event mode"
+    lines = [
+        f"{name} differs in {part:.0%} of the rows {where} more often, with constant inputs."
+        for name, part in zip(frequent.names, different_fraction, strict=True)
         if part > _MAX_DIFFERENT_FRACTION
     ]
-    fine = (
-        f"{len(frequent.names)} outputs are the same where the host enters event mode {_STRIDE} times as "
-        "often."
-    )
-    lines = [f"{name} where the host enters event mode more often, with constant inputs." for name in names]
+    fine = f"{len(frequent.names)} outputs are the same {where} {_STRIDE} times as often."
     return judge_problems((), fine, lines)
 
 
@@ -85,9 +78,6 @@ def agrees(subject: Subject) -> CheckOutcome:
     far, most = describe_differences(model, slave, rows)
     if far:
         lines = tuple(f"{line}." for line in far)
-        return noted(
-            f"{len(far)} of {len(slave.names)} outputs differ between Model Exchange and Co-Simulation: "
-            f"{lines[0]}",
-            details=lines,
-        )
+        message = f"{len(far)} of {len(slave.names)} outputs differ between Model Exchange and Co-Simulation"
+        return noted(f"{message}: {lines[0]}", details=lines)
     return passed(f"Both kinds agree within {most:.1g} of each output's range.")

@@ -89,10 +89,8 @@ def _find_mismatch(instance: HostedInstance, names: list[tuple[str, str]], time:
         is_different = np.abs(vector - variable_values) > _CLOSE * np.abs(variable_values).max(initial=1e-300)
         if is_different.any():
             i = int(np.argmax(is_different))
-            yield (
-                f"{kind} {i + 1} is {vector[i]:.9g} at t = {time:.9g} s, but {names[i][column]}, "
-                f"which is listed there, is {variable_values[i]:.9g}."
-            )
+            message = f"{kind} {i + 1} is {vector[i]:.9g} at t = {time:.9g} s, but {names[i][column]}"
+            yield f"{message}, which is listed there, is {variable_values[i]:.9g}."
             return
 
 
@@ -106,10 +104,8 @@ def _find_stale_output(instance: HostedInstance, visited: Vector) -> Iterator[st
         _read_vector(model.derive, len(x))
         for name, old, new in zip(names, before, instance.get(names), strict=True):
             if old != new and old == old:
-                yield (
-                    f"{name} is {old:.9g} after new states were set, and {new:.9g} after their "
-                    "derivatives were read, too."
-                )
+                message = f"{name} is {old:.9g} after new states were set, and {new:.9g} after their"
+                yield f"{message} derivatives were read, too."
                 return
 
 
@@ -149,10 +145,8 @@ def _find_jump(
                 jump = np.abs(right_slopes - left_slopes)
                 if np.isfinite(jump).all() and (jump > _JUMP * scale).any():
                     i = int(np.argmax(jump > _JUMP * scale))
-                    at = ", ".join(
-                        f"{n} = {v:.6g}"
-                        for (n, _), v in zip(names[:_STATES_IN_MESSAGE], right_states, strict=False)
-                    )
+                    pairs = zip(names[:_STATES_IN_MESSAGE], right_states, strict=False)
+                    at = ", ".join(f"{n} = {v:.6g}" for (n, _), v in pairs)
                     yield Breach(
                         f"{names[i][1]} jumps from {left_slopes[i]:.6g} to {right_slopes[i]:.6g} in "
                         f"continuous-time mode, at {at}: an event indicator has to tell it.",

@@ -40,9 +40,9 @@ def of_outputs(subject: Subject) -> CheckOutcome:
         wrong += [(name, order) for name, is_this in zip(names, is_wrong, strict=True) if is_this]
     if wrong:
         lines = tuple(f"The derivative of order {order} of {name} does not match." for name, order in wrong)
+        message = f"{len(wrong)} of {most * len(names)} derivatives of outputs do not match their slopes"
         return warned(
-            f"{len(wrong)} of {most * len(names)} derivatives of outputs do not match their slopes, "
-            f"for example that of {wrong[0][0]}, of order {wrong[0][1]}.",
+            f"{message}, for example that of {wrong[0][0]}, of order {wrong[0][1]}.",
             details=lines,
             clause=quote("output_derivatives.at_the_end"),
         )

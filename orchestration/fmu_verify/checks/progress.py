@@ -164,9 +164,8 @@ class _RunSeries:
         pairs = [(v.derivative.name, v.name) for v in variables if v.derivative is not None]
         self.derivative_of_state = {x: d for x, d in pairs if subject.variables[x].type == "Real"}
         self.inputs = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
-        all_names = dict.fromkeys(
-            [*list_outputs(subject), *self.derivative_of_state, *self.derivative_of_state.values()]
-        )
+        states = self.derivative_of_state
+        all_names = dict.fromkeys([*list_outputs(subject), *states, *states.values()])
         self.names = list(all_names)[:_MOST_OUTPUTS]
         self.left_out = list_left_out(len(self.names), len(all_names), "outputs and states were watched.")
         inputs = course.inputs
@@ -236,10 +235,8 @@ def _find_stopped(run: _RunSeries) -> Iterator[str]:
         stops_too = _find_stop(other_run.values[:, i]) == k
         is_driven = stops_too and _has_moving_dependency(run, other_run, name, k)
         if is_driven and other_run.values[-1, i] != rows.values[-1, i]:
-            yield (
-                f"{name} stays the same from t = {rows.times[k]:.9g} s on in two runs with other inputs or "
-                "parameters, although what it depends on changes."
-            )
+            message = f"{name} stays the same from t = {rows.times[k]:.9g} s on in two runs with other inputs"
+            yield f"{message} or parameters, although what it depends on changes."
 
 
 def _find_stop(values: Vector) -> int | None:
@@ -259,15 +256,10 @@ def _has_moving_dependency(run: _RunSeries, rows: OutputTrajectory, name: str, f
     unknowns = [*run.subject.description.outputs, *run.subject.description.derivatives]
     listed = [u.dependencies for u in unknowns if u.variable is not None and u.variable.name == name]
     knowns = {v.name for v in listed[0]} if listed and listed[0] is not None else None
-    states = [
-        x
-        for x in run.derivative_of_state
-        if x != name and x in rows.names and (knowns is None or x in knowns)
-    ]
-    columns = [rows.values[first:, rows.names.index(x)] for x in states]
-    columns += [
-        run.course.inputs[u][first : len(rows.times)] for u in run.inputs if knowns is None or u in knowns
-    ]
+    inputs = [u for u in run.inputs if knowns is None or u in knowns]
+    states = [x for x in run.derivative_of_state if knowns is None or x in knowns]
+    columns = [rows.values[first:, rows.names.index(x)] for x in states if x != name and x in rows.names]
+    columns += [run.course.inputs[u][first : len(rows.times)] for u in inputs]
     return any(np.mean(c[1:] != c[:-1]) >= _MIN_CHANGING_FRACTION for c in columns)
 
 
@@ -298,10 +290,8 @@ def _find_inputs_without_late_effect(run: _RunSeries, gaps: list[str]) -> Iterat
             names.append(name)
     gaps += list_left_out(examined_count, len(run.inputs), "inputs were changed late in a run.")
     if names:
-        yield (
-            f"{join_few_names(names)} changes nothing any more after t = {run.course.times[late_row]:.9g} s, "
-            "although it does before."
-        )
+        at = f"t = {run.course.times[late_row]:.9g} s"
+        yield f"{join_few_names(names)} changes nothing any more after {at}, although it does before."
 
 
 def _has_effect(run: _RunSeries, kind: str, name: str, is_early: bool) -> bool | None:

@@ -55,9 +55,8 @@ def completes(subject: Subject) -> CheckOutcome:
         return noted(message, figures={"steps": steps})
     all_steps, gaps = read_span(subject)[2], tuple[str, ...]()
     if steps_done < steps:
-        gaps = (
-            f"Runs end after {steps_done} of {all_steps} steps: more of them take longer than {limit:g} s.",
-        )
+        reason = f"more of them take longer than {limit:g} s"
+        gaps = (f"Runs end after {steps_done} of {all_steps} steps: {reason}.",)
     elif steps_done < all_steps:
         gaps = (f"Runs end after {steps_done} of the {all_steps} steps of the default experiment.",)
     if instance.events is not None and (idle := instance.events.list_idle_clocks()):

@@ -46,7 +46,12 @@ def ranges(subject: Subject) -> CheckOutcome:
     numeric = [v for v in declared.variables if v.type in NUMERIC]
     items = {t.name: {int(item["value"]) for item in t.items} for t in declared.types}
     problems = [p for v in numeric for p in _find_wrong_starts(v, items)]
-    doubts = [p for v in numeric for p in _find_infinite(v)]
+    doubts = [
+        f"The {name} of {v} is {v.attributes[name]}; it should be a finite number."
+        for v in numeric
+        for name in ("min", "max", "nominal")
+        if not math.isfinite(float(v.attributes.get(name, 0.0)))
+    ]
     if subject.version == 3:  # which does not say that they must be
         doubts += [str(getattr(p, "message", p)) for p in problems if _is_left_open(p)]
         problems = [p for p in problems if not _is_left_open(p)]
@@ -65,17 +70,15 @@ def _find_wrong_starts(variable: DeclaredVariable, items: Mapping[str, set[int]]
     starts = (variable.start or "").split() if variable.version == 3 else [variable.start]
     for start in dict.fromkeys(starts) or [None]:
         attributes = {name: text for name, text in variable.attributes.items() if name != "start"}
-        yield from _judge_start(
-            variable, attributes if start is None else {**attributes, "start": start}, items
-        )
+        attributes |= {} if start is None else {"start": start}
+        yield from _judge_start(variable, attributes, items)
 
 
 def _judge_start(
     variable: DeclaredVariable, attributes: Mapping[str, str], items: Mapping[str, set[int]]
 ) -> Iterator[Problem]:
-    values = {
-        name: float(attributes[name]) for name in ("start", "min", "max", "nominal") if name in attributes
-    }
+    names = ("start", "min", "max", "nominal")
+    values = {name: float(attributes[name]) for name in names if name in attributes}
     if not math.isfinite(values.get("start", 0.0)):
         yield Breach(f"The start value of {variable} is {attributes['start']}, not a finite number.", _FINITE)
         return
@@ -95,9 +98,3 @@ def _judge_start(
         yield Breach(message, quote("starts.item"))
     if values.get("nominal", 1.0) <= 0.0:
         yield Breach(f"{variable} has the nominal {values['nominal']:g}; it must be positive.", _NOMINAL)
-
-
-def _find_infinite(variable: DeclaredVariable) -> Iterator[str]:
-    for name in ("min", "max", "nominal"):
-        if not math.isfinite(float(variable.attributes.get(name, 0.0))):
-            yield f"The {name} of {variable} is {variable.attributes[name]}; it should be a finite number."

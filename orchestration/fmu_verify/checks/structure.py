@@ -68,10 +68,8 @@ def find_unlisted(
         state = declared.variable(variable.derivative)
         if state is None or variable.index in listed or state.index in states:
             continue
-        is_state = (
-            state.causality in _OF_STATES and state.initial == "exact" and state.variability == "continuous"
-        )
-        if is_state and variable.causality != "input":
+        is_continuous = state.variability == "continuous" and state.causality in _OF_STATES
+        if is_continuous and state.initial == "exact" and variable.causality != "input":
             yield variable, state
 
 
@@ -145,9 +143,8 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
     declared = subject.declared
     listed = declared.initial_unknowns
     doubtful = {v.index for v in declared.variables if not v.possible or v.is_clocked} | list_ignored(subject)
-    doubtful |= {
-        v.index for pair in find_unlisted(declared, subject) for v in pair
-    }  # reported as derivatives
+    # reported as derivatives
+    doubtful |= {v.index for pair in find_unlisted(declared, subject) for v in pair}
     expected = list_initially_unknown(declared) - doubtful
     problems: list[Problem] = [
         *_find_invalid(listed, declared, _INITIAL),

@@ -70,14 +70,12 @@ def _collect_values(
 ) -> tuple[dict[str, dict[int, float]], tuple[str, ...]]:
     """Return the values of each variable in runs, with the time of the first, and what the runs lack."""
     times_by_value: dict[str, dict[int, float]] = {name: {} for name in names}
-    gaps = []
+    gaps = list[str]()
     for parameters in _yield_parameters(subject):
-        run = _VaryingRun(subject, parameters)
         with suppress(*([CallError] if parameters else [])):  # valid values, which the model need not accept
-            for time, instance in run:
+            for time, instance in _run_varying(subject, parameters, gaps):
                 for name, value in zip(names, instance.get(names), strict=True):
                     times_by_value[name].setdefault(int(value), time)
-        gaps += run.gaps
     return times_by_value, tuple(dict.fromkeys(gaps))
 
 
@@ -90,45 +88,38 @@ def _yield_parameters(subject: Subject) -> Iterator[Values]:
             yield changes
 
 
-class _VaryingRun:
-    """Yields an instance at communication points, while inputs of all types change.
+def _run_varying(
+    subject: Subject, parameters: Values, gaps: list[str]
+) -> Iterator[tuple[float, HostedInstance]]:
+    """Yield an instance at communication points, while inputs of all types change.
 
-    `gaps` says afterwards why it ended early.
+    `gaps` gets why it ended early.
     """
-
-    def __init__(self, subject: Subject, parameters: Values | None = None) -> None:
-        self._subject, self._yield_parameters = subject, parameters or {}
-        self.gaps: tuple[str, ...] = ()
-
-    def __iter__(self) -> Iterator[tuple[float, HostedInstance]]:
-        subject, course = self._subject, make_experiment(self._subject, _STEPS)
-        kinds = ("Boolean", "Enumeration", "String")
-        inputs = [v for v in list_settable(subject, "input") if v.type in kinds]
-        other_values, steps = list_other_values(inputs), len(course.times) - 1
-        instance = HostedInstance(subject)
-        instance.initialize({**course.at(0), **self._yield_parameters}, float(course.times[0]))
-        yield float(course.times[0]), instance
-        limit = _TIME_FRACTION * subject.settings.seconds
-        until = clock.monotonic() + limit  # a slow FMU is not a fault
-        for k in range(steps):
-            if clock.monotonic() > until:
-                gap = f"Values were read for {k} of {steps} steps: more take longer than {limit:g} s."
-                self.gaps = (gap,)
-                return
-            changed = other_values if (k // _STEPS_PER_CHANGE) % 2 else {}
-            try:
-                instance.set({**course.at(k), **changed})
-                instance.step(float(course.times[k]), course.step)
-            except CallError:
-                if not changed:
-                    raise
-                # valid values, which the model need not accept
-                gap = f"Values were read for {k} of {steps} steps: it refuses other values of inputs."
-                self.gaps = (gap,)
-                return
-            if instance.terminated:
-                return
-            yield float(course.times[k + 1]), instance
+    course, kinds = make_experiment(subject, _STEPS), ("Boolean", "Enumeration", "String")
+    inputs = [v for v in list_settable(subject, "input") if v.type in kinds]
+    other_values, steps = list_other_values(inputs), len(course.times) - 1
+    instance = HostedInstance(subject)
+    instance.initialize({**course.at(0), **parameters}, float(course.times[0]))
+    yield float(course.times[0]), instance
+    limit = _TIME_FRACTION * subject.settings.seconds
+    until = clock.monotonic() + limit  # a slow FMU is not a fault
+    for k in range(steps):
+        if clock.monotonic() > until:
+            gaps.append(f"Values were read for {k} of {steps} steps: more take longer than {limit:g} s.")
+            return
+        changed = other_values if (k // _STEPS_PER_CHANGE) % 2 else {}
+        try:
+            instance.set({**course.at(k), **changed})
+            instance.step(float(course.times[k]), course.step)
+        except CallError:
+            if not changed:
+                raise
+            # valid values, which the model need not accept
+            gaps.append(f"Values were read for {k} of {steps} steps: it refuses other values of inputs.")
+            return
+        if instance.terminated:
+            return
+        yield float(course.times[k + 1]), instance
 
 
 @check("values.strings", needs=("run.completes",))
@@ -145,17 +136,16 @@ def strings(subject: Subject) -> CheckOutcome:
 
 def _find_invalid(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list[str], tuple[str, ...]]:
     """Return what is wrong with Strings in a run, and what the run lacks."""
-    messages: dict[str, str] = {}
-    run = _VaryingRun(subject)
+    messages, gaps = dict[str, str](), list[str]()
     with fill_memory():  # what is freed does not keep its content
-        for k, (time, instance) in enumerate(run):
+        for k, (time, instance) in enumerate(_run_varying(subject, {}, gaps)):
             for variable in variables:
                 if problem := _describe_problem(instance, variable, checks_memory=k % _STEPS_PER_CHANGE == 0):
                     messages.setdefault(variable.name, f"{variable.name} {problem} at t = {time:.9g} s.")
             if not messages and (name := _find_overwritten(instance, [v.name for v in variables])):
                 problem = "has another value if all Strings are read in one call"
                 messages[name] = f"{name} {problem} at t = {time:.9g} s."
-    return list(messages.values()), run.gaps
+    return list(messages.values()), tuple(gaps)
 
 
 def _find_overwritten(instance: HostedInstance, names: Sequence[str]) -> str:

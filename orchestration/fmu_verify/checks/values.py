@@ -135,9 +135,8 @@ def judge_unchanged(subject: Subject, read_values_after: Any, when: str) -> Chec
     fresh = in_fresh_process(_read_after_start, subject, list(changes))
     problems, count = [], 0
     for accepted, values in answers:
-        names = [
-            n for n in accepted if are_same(accepted[n], changes[n]) or not are_same(values[n], fresh[n])
-        ]
+        changed = {n for n in accepted if not are_same(values[n], fresh[n])}
+        names = [n for n in accepted if n in changed or are_same(accepted[n], changes[n])]
         count += len(names)
         problems += [
             f"{name} is {format_value(values[name])} {when}; "
@@ -151,9 +150,8 @@ def judge_unchanged(subject: Subject, read_values_after: Any, when: str) -> Chec
 @check("values.state", needs=("state.restored",), time_factor=3.0)
 def state(subject: Subject) -> CheckOutcome:
     """Check that restoring a state restores values that were changed after it was saved."""
-    changes = list_other_values(
-        v for v in list_settable(subject, "parameter", "input", tunable=True) if not v.clocks
-    )
+    variables = list_settable(subject, "parameter", "input", tunable=True)
+    changes = list_other_values(v for v in variables if not v.clocks)
     if messages := _find_lost_parameters(subject):
         return judge_problems(messages, "")
     if not changes and subject.has_clocks:

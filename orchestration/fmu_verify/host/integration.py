@@ -80,24 +80,19 @@ class HostedModel(ContinuousModel):
 
     def _find_function(self, name: str) -> Any:
         if name not in self._functions:  # integrators call few of them, thousands of times
-            function = rename(name) if self.is_3 else name
-            self._functions[name] = getattr(
-                self.fmu, f"fmi{3 if self.is_3 else 2}{function[0].upper()}{function[1:]}"
-            )
+            function, prefix = (rename(name), "fmi3") if self.is_3 else (name, "fmi2")
+            self._functions[name] = getattr(self.fmu, f"{prefix}{function[0].upper()}{function[1:]}")
         return self._functions[name]
 
     def _update(self, call: str) -> tuple[bool, bool, bool, bool, bool, float]:
         before = self._states()
         answer = self.fmu.newDiscreteStates()
         if not answer[3] and (changed := before != self._states()).any():
-            self.untold.append(
-                f"{call} changed continuous state {int(np.argmax(changed)) + 1}, but "
-                "valuesOfContinuousStatesChanged is false."
-            )
+            message = f"{call} changed continuous state {int(np.argmax(changed)) + 1}"
+            self.untold.append(f"{message}, but valuesOfContinuousStatesChanged is false.")
         if answer[4] and answer[5] < self._time:
-            self.untold.append(
-                f"{call} announced the next event for t = {answer[5]:.9g} s, which is in the past."
-            )
+            at = f"t = {answer[5]:.9g} s"
+            self.untold.append(f"{call} announced the next event for {at}, which is in the past.")
         return answer
 
     def _states(self) -> Vector:

@@ -34,14 +34,10 @@ TYPES = ("application/x-ma-hs-experiments", "application/x-ma-ls-experiments")
 TRANSIENT = "TransientSimulation"
 """The analysis of an experiment that is run. Its element is in the schema, and not yet in the text."""
 
-_ANALYSES = {
-    "SteadyState",
-    "ParameterOptimization",
-    "SetPointOptimization",
-    "SensitivityAnalysis",
-    "TrajectoryOptimization",
-    "Linearization",
-}
+_ANALYSES = (
+    *("SteadyState", "ParameterOptimization", "SetPointOptimization", "SensitivityAnalysis"),
+    *("TrajectoryOptimization", "Linearization"),
+)
 _CSV = "text/csv"
 _DATA = {"Parameters": SSV, "Stimuli": _CSV, "References": _CSV}
 """Elements that name files, with the MIME type that they have without an attribute."""

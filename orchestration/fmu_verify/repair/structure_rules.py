@@ -67,12 +67,10 @@ class _Mender:
         """Add variables that a list lacks."""
         for index in sorted(required - {self._find_index(e) for e in self._list(name)}):
             variable = self._declared.variables[index - 1]
-            reference = variable.reference if self._is_3 else index
-            tag = LISTS_3[name] if self._is_3 else "Unknown"
+            tag, reference = (LISTS_3[name], variable.reference) if self._is_3 else ("Unknown", index)
             element = etree.Element(tag, {self._attribute: str(reference)})
             self._insert(name, element)
-            where = f"{self._label(name)}, {variable}"
-            yield Change(check, where, "", describe_element(element))
+            yield Change(check, f"{self._label(name)}, {variable}", "", describe_element(element))
 
     def _insert(self, name: str, element: Any) -> None:
         """Add an element to the end of a list, which is made if there is none."""

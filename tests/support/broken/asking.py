@@ -13,9 +13,8 @@ from tests.support.broken.broken import Broken
 def examined_all(broken: Iterable[tuple[Broken, Settings]], folder: Path) -> dict[str, Examined]:
     """Build broken FMUs in a folder and return what is found about each, by its name."""
     jobs = []
-    for one, settings in broken:
-        (folder / one.name).mkdir()
-        path = one.build(folder / one.name)
-        jobs.append(ExaminerJob(path, settings, one.name, path))
-    found = examine_all(jobs, folder)[0] if jobs else ()
-    return {one.name: one for one in found}
+    for fmu, settings in broken:
+        (folder / fmu.name).mkdir()
+        path = fmu.build(folder / fmu.name)
+        jobs.append(ExaminerJob(path, settings, fmu.name, path))
+    return {examined.name: examined for examined in examine_all(jobs, folder)[0]}

@@ -70,9 +70,9 @@ def set_attributes(path: str, **attributes: str | None) -> Edit:
     """Change attributes of all elements at a path, of which there has to be one; None removes one."""
 
     def edit(root: etree._Element) -> None:
-        found = root.xpath(path)
-        assert found, f"{path} leads nowhere"
-        for element in found:
+        elements = root.xpath(path)
+        assert elements, f"{path} leads nowhere"
+        for element in elements:
             for name, value in attributes.items():
                 if value is None:
                     del element.attrib[name]

@@ -97,22 +97,19 @@ def _moved(old: str, new: str) -> Build:
     """Builds the good FMU with a file, or all files of a folder, in another place."""
 
     def edit(files: Files) -> None:
-        found = [name for name in files if name == old or name.startswith(f"{old}/")]
-        assert found, f"{old} is not there"
-        for name in found:
+        names = [name for name in files if name == old or name.startswith(f"{old}/")]
+        assert names, f"{old} is not there"
+        for name in names:
             files[f"{new}{name.removeprefix(old)}"] = files.pop(name)
 
     return with_files(edit)
 
 
-def _library_of_windows(processor: int) -> bytes:
-    """Return the header of a Windows library for a processor, by its number."""
-    return b"MZ".ljust(60, b"\0") + (64).to_bytes(4, "little") + b"PE\0\0" + processor.to_bytes(2, "little")
-
-
 def _another_library(path: str, processor: int) -> Build:
-    """Builds the good FMU with the header of a Windows library for a processor."""
-    return with_files(lambda files: files.update({f"binaries/{path}": _library_of_windows(processor)}))
+    """Builds the good FMU with the header of a Windows library for a processor, by its number."""
+    start = b"MZ".ljust(60, b"\0") + (64).to_bytes(4, "little") + b"PE\0\0"
+    content = start + processor.to_bytes(2, "little")
+    return with_files(lambda files: files.update({f"binaries/{path}": content}))
 
 
 def _output(name: str, reference: int, variability: str, index: int) -> tuple[Edit, ...]:

@@ -121,13 +121,7 @@ BY_DEFAULT = [
 ]
 """All of those, and one for each check, except where it takes a build with sanitizers, or seconds."""
 
-ORIGINS = (
-    ("Clocked", CLOCKED),
-    ("Toy3", (*THIRD, *LAYERED)),
-    ("Toy", STATIC),
-    ("Wide", WIDE),
-    ("Good", BROKEN),
-)
+ORIGINS = {"Clocked": CLOCKED, "Toy3": (*THIRD, *LAYERED), "Toy": STATIC, "Wide": WIDE, "Good": BROKEN}
 
 
 @pytest.fixture(scope="session")
@@ -144,9 +138,8 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Broken]:
 
 
 def _is_reported(finding: Finding) -> bool:
-    """Return whether a check fails, warns, or passes with a remark."""
-    noted = finding.verdict == Verdict.PASSED and finding.sentence in finding.outcome.gaps
-    return noted or finding.verdict in (Verdict.FAILED, Verdict.WARNING)
+    """Return whether a check fails, warns, or passes with a note."""
+    return finding.is_noted or finding.verdict in (Verdict.FAILED, Verdict.WARNING)
 
 
 def _reported(examined: Examined) -> dict[str, str]:
@@ -165,7 +158,7 @@ NEW_IN_FMI_3 = ("clocks", "steps.events", "calls.arguments", "derivatives", "dep
     ("name", "only", "skipped"),
     mostly_slow(
         [
-            *((name, (), ()) for name in ("Jumping", *(name for name, _ in ORIGINS))),
+            *((name, (), ()) for name in ("Jumping", *ORIGINS)),
             ("Jumping", OF_RUNS, LONG),
             *((name, (), LONG) for name in ("Good", "Wide")),
             ("Clocked", NEW_IN_FMI_3, LONG),
@@ -188,12 +181,8 @@ def test_fault_is_reported_by_its_check(broken: Broken, tmp_path: Path) -> None:
         settings = replace(broken.settings, only=(broken.check,))
         examined = examined_all([(broken, settings)], tmp_path)[broken.name]
     else:
-        separate_checks = (
-            CALLING if broken not in SAFE_TO_RUN else (broken.check,) if broken.check in CALLING else ()
-        )
-        examined = examine(
-            broken.build(tmp_path), broken.check, settings=broken.settings, apart=separate_checks
-        )
+        apart = CALLING & {broken.check} if broken in SAFE_TO_RUN else CALLING
+        examined = examine(broken.build(tmp_path), broken.check, settings=broken.settings, apart=apart)
     reported = _reported(examined)
     assert list(reported) == [broken.check], reported
     assert examined[broken.check].verdict == broken.verdict
@@ -218,7 +207,7 @@ def test_fault_is_reported_by_no_other_check(
     broken: Broken, good: dict[str, Broken], tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     """In the default tier, by no check of the file alone."""
-    origin = good[next(name for name, members in ORIGINS if broken in members)]
+    origin = good[next(name for name, members in ORIGINS.items() if broken in members)]
     if request.node.get_closest_marker("slow") or request.node.get_closest_marker("nightly"):
         settings = replace(broken.settings, skip=tuple({"instance.cycles"} - {broken.check}))
         reports = examined_all([(broken, settings), (origin, settings)], tmp_path)
@@ -242,12 +231,9 @@ def test_fault_is_reported_by_no_other_check(
 def test_every_check_that_can_fail_has_an_fmu_that_fails_it() -> None:
     names = [broken.name for broken in BROKEN]
     assert len(set(names)) == len(names)
-    only_warn = {  # of what the standard allows
-        "binaries.imports",
-        "description.experiment",
-        "description.semantics",
-        "documents.present",
-    }
+    # of what the standard allows
+    only_warn = {"binaries.imports", "documents.present"}
+    only_warn |= {"description.experiment", "description.semantics"}
     assert {c.name for c in CHECKS} - {b.check for b in BROKEN} == only_warn
 
 

@@ -47,9 +47,8 @@ def test_our_fmus_pass(model: str, options: tuple[str, ...], tmp_path: Path) -> 
 
 def test_messages_are_in_terms_of_fmi_3(tmp_path: Path) -> None:
     (path := tmp_path / "Toy.fmu").write_bytes(good_bytes(fmi=3))
-    fmu_report = examine(
-        path, "archive", "description", "variables", "structure", "run", "calls.arguments", apart=()
-    )
+    checks = ("archive", "description", "variables", "structure", "run", "calls.arguments")
+    fmu_report = examine(path, *checks, apart=())
     assert fmu_report.passed and all(f.clause.document != "FMI 2.0.4" for f in fmu_report.findings)
     texts = [text for f in fmu_report.findings for text in (f.sentence, f.title, f.hint, *f.outcome.gaps)]
     assert not any("fmi2" in text for text in texts)
@@ -72,9 +71,8 @@ def test_clock_within_steps_that_cannot_vary_is_reported(tmp_path: Path) -> None
     edit_description(path, path, "<ModelVariables>", f"{experiment}<ModelVariables>")
     fmu_report = examine(path, "run")
     assert fmu_report["run.completes"].verdict == Verdict.SKIPPED
-    assert not fmu_report.passed and any(
-        "cannot vary its step size" in text for text in fmu_report.objections
-    )
+    (objection,) = fmu_report.objections
+    assert "cannot vary its step size" in objection
 
 
 def without_event_mode(folder: Path) -> Path:
@@ -93,10 +91,8 @@ def triggered_from_outside(folder: Path) -> Path:
 def test_fmu_with_unsupported_clocks_is_not_called(build: Build, words: str, tmp_path: Path) -> None:
     fmu_report = examine(build(tmp_path), "instance.created", "run")
     assert fmu_report["run.completes"].verdict == Verdict.SKIPPED
-    assert not fmu_report.passed
-    assert all(
-        any(words in text for text in texts) for texts in (fmu_report.objections, fmu_report.not_examined)
-    )
+    for texts in (fmu_report.objections, fmu_report.not_examined):
+        assert any(words in text for text in texts)
 
 
 @needs_cc

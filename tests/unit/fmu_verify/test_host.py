@@ -37,22 +37,22 @@ def _subject(folder: Path, fault: str = "") -> Subject:
     return unpacked(build_good_fmu(folder, fault))
 
 
-def _integer(data_type: str, start: int) -> ElementVariable:
-    return ElementVariable("n", 1, type="Integer", start=str(start), data_type=data_type)
-
-
 @pytest.mark.parametrize(
-    ("variable", "expected"),
+    ("data_type", "start", "expected"),
     [
-        (_integer("UInt8", 255), 254),
-        (_integer("UInt64", 2**64 - 1), 2**64 - 2),
-        (_integer("Int8", -128), -127),
-        (ModelVariable("n", 1, type="Integer", start=str(2**31 - 1)), 2**31 - 2),
-        (ElementVariable("x", 1, type="Real", start="2", data_type="Float32"), pytest.approx(2.2)),
+        ("UInt8", 255, 254),
+        ("UInt64", 2**64 - 1, 2**64 - 2),
+        ("Int8", -128, -127),
+        ("", 2**31 - 1, 2**31 - 2),
+        ("Float32", 2, pytest.approx(2.2)),
     ],
 )
-def test_other_values_fit_into_the_type(variable: ModelVariable, expected: object) -> None:
-    assert choose_other(variable) == expected
+def test_other_values_fit_into_the_type(data_type: str, start: int, expected: object) -> None:
+    """The variable without a data type is an Integer of FMI 2.0."""
+    kind = {"type": "Real" if data_type == "Float32" else "Integer", "start": str(start)}
+    more = {"data_type": data_type} if data_type else {}
+    make: Any = ElementVariable if data_type else ModelVariable
+    assert choose_other(make("n", 1, **kind, **more)) == expected
 
 
 def test_inputs_vary_within_the_limits_of_their_declared_type() -> None:
@@ -63,9 +63,8 @@ def test_inputs_vary_within_the_limits_of_their_declared_type() -> None:
         description=SimpleNamespace(defaultExperiment=None),
         most_steps=100,
     )
-    assert (
-        -1.0 <= min(make_experiment(subject).inputs["u"]) < max(make_experiment(subject).inputs["u"]) == 1.0
-    )
+    values = make_experiment(subject).inputs["u"]
+    assert -1.0 <= min(values) < max(values) == 1.0
 
 
 def _levels(subject: Subject) -> list[float]:
@@ -221,19 +220,18 @@ def _run(values: list[list[float]]) -> OutputTrajectory:
 
 def test_runs_that_differ_by_rounding_only_warn() -> None:
     """The last bit is worth a warning; more than the tolerance fails; NaN is like NaN alone."""
-    expected = _run([[0.0, 1.0], [1.0, 1.0]])
-    assert compare_runs(expected, expected, "It").verdict == Verdict.PASSED
-    rounded = compare_runs(_run([[0.0, 1.0], [1.0 + 2e-16, 1.0]]), expected, "It")
-    assert rounded.verdict == Verdict.WARNING
-    assert "from y at t = 1 s on" in rounded.sentence
-    assert compare_runs(_run([[0.0, 1.0], [1.001, 1.0]]), expected, "It").verdict == Verdict.FAILED
-    shorter = compare_runs(_run([[0.0, 1.0]]), expected, "It")
-    assert (shorter.verdict, shorter.sentence) == (Verdict.FAILED, "It ended at t = 0 s, not at t = 1 s.")
-    negative = compare_runs(_run([[-0.0, 1.0], [1.0, 1.0]]), expected, "It")
-    assert (negative.verdict, negative.sentence) == (Verdict.PASSED, "It gave the same 2 x 2 values.")
-    spoiled = _run([[0.0, 1.0], [np.nan, 1.0]])
-    assert compare_runs(spoiled, expected, "It").verdict == Verdict.FAILED
-    assert compare_runs(spoiled, spoiled, "It").verdict == Verdict.PASSED
+    expected, spoiled = _run([[0.0, 1.0], [1.0, 1.0]]), _run([[0.0, 1.0], [np.nan, 1.0]])
+    for actual, other, verdict, words in (
+        (expected, expected, Verdict.PASSED, "to the last bit."),
+        (_run([[0.0, 1.0], [1.0 + 2e-16, 1.0]]), expected, Verdict.WARNING, "from y at t = 1 s on"),
+        (_run([[0.0, 1.0], [1.001, 1.0]]), expected, Verdict.FAILED, "from y at t = 1 s on"),
+        (_run([[0.0, 1.0]]), expected, Verdict.FAILED, "It ended at t = 0 s, not at t = 1 s."),
+        (_run([[-0.0, 1.0], [1.0, 1.0]]), expected, Verdict.PASSED, "It gave the same 2 x 2 values."),
+        (spoiled, expected, Verdict.FAILED, "from y at t = 1 s on"),
+        (spoiled, spoiled, Verdict.PASSED, ""),
+    ):
+        outcome = compare_runs(actual, other, "It")
+        assert outcome.verdict == verdict and words in outcome.sentence
 
 
 def test_difference_is_relative_to_the_range_of_an_output() -> None:

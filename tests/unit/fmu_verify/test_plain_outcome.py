@@ -6,6 +6,7 @@ import pickle
 import stat
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,11 +39,7 @@ def test_outcome_survives_writing_and_reading() -> None:
     (compared,) = outcome_read.comparisons
     assert np.array_equal(compared.lower, values, equal_nan=True)
     assert (compared.signal, compared.tube, compared.worst) == ("x\udc80", Tube(0.1, 0.2), 1 / 3)
-    fields = {
-        name: getattr(outcome_read, name) for name in ("verdict", "sentence", "details", "figures", "clause")
-    }
-    assert fields == {name: getattr(sent, name) for name in fields}
-    assert (outcome_read.gaps, outcome_read.blocks, outcome_read.blocked) == (sent.gaps, False, False)
+    assert replace(outcome_read, comparisons=()) == replace(sent, comparisons=())
 
 
 @pytest.mark.parametrize(

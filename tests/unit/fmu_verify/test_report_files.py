@@ -55,13 +55,14 @@ def as_junit(report_: Report, folder: Path) -> Any:
 
 
 def test_report_replaces_reports_of_its_kind_only(tmp_path: Path) -> None:
+    report_ = ordinary()
     for kind, save in SAVE.items():
-        save(ordinary(), tmp_path / kind)
+        save(report_, tmp_path / kind)
     for kind, save in SAVE.items():
-        save(ordinary(), tmp_path / kind)
+        save(report_, tmp_path / kind)
         for other_kind in SAVE.keys() - {kind}:
             with pytest.raises(CommandError, match="was not written by emla"):
-                save(ordinary(), tmp_path / other_kind)
+                save(report_, tmp_path / other_kind)
 
 
 # ---- JSON ------------------------------------------------------------------------------------------

@@ -17,13 +17,8 @@ from tests.support.reports import STARTED, examined, finding, hostile, ordinary,
 
 
 def _object(required: dict[str, Any], optional: dict[str, Any] | None = None) -> dict[str, Any]:
-    properties = required | (optional or {})
-    return {
-        "type": "object",
-        "properties": properties,
-        "required": list(required),
-        "additionalProperties": False,
-    }
+    content = {"properties": required | (optional or {}), "required": list(required)}
+    return {"type": "object", "additionalProperties": False, **content}
 
 
 def _list(items: dict[str, Any], least: int = 0) -> dict[str, Any]:
@@ -54,21 +49,16 @@ _LOGICAL = {
     **_object({"kind": {"enum": ["variable", "resource"]}}, {"name": _NAME, "fullyQualifiedName": _NAME}),
     "minProperties": 2,
 }
+_LOCATION = _object({"physicalLocation": _PHYSICAL_LOCATION}, {"logicalLocations": _list(_LOGICAL)})
+_HASH = {"type": "string", "pattern": "^[0-9a-f]{32}$"}
 _RESULT = _object(
     {
         "ruleId": _NAME,
         "ruleIndex": _FROM_ZERO,
         "level": _LEVEL,
         "message": _text(5000),
-        "locations": {
-            **_list(
-                _object({"physicalLocation": _PHYSICAL_LOCATION}, {"logicalLocations": _list(_LOGICAL)}), 1
-            ),
-            "maxItems": 1,
-        },
-        "partialFingerprints": _object(
-            {"primaryLocationLineHash": {"type": "string", "pattern": "^[0-9a-f]{32}$"}}
-        ),
+        "locations": {**_list(_LOCATION, 1), "maxItems": 1},
+        "partialFingerprints": _object({"primaryLocationLineHash": _HASH}),
     }
 )
 _INVOCATION = _object(
@@ -129,31 +119,23 @@ def test_results_have_level_message_and_location() -> None:
     assert [location["fullyQualifiedName"] for location in second["locations"][0]["logicalLocations"]] == [
         "motor.v", "motor.i",
     ]  # fmt: skip
-    assert run["invocations"] == [
-        {
-            "executionSuccessful": True,
-            "exitCode": 1,
-            "startTimeUtc": STARTED.replace("+00:00", "Z"),
-            "toolExecutionNotifications": [],
-        }
-    ]
+    (invocation,) = run["invocations"]
+    assert (invocation["executionSuccessful"], invocation["exitCode"]) == (True, 1)
+    assert invocation["startTimeUtc"] == STARTED.replace("+00:00", "Z")
 
 
 def test_notes_are_results_and_passed_or_skipped_checks_are_not() -> None:
-    run = run_of(
-        one_of(noted("It is odd."), passed("It is.", gaps=("Only 3 of 9.",)), skipped("It has none."))
-    )
-    assert [(r["level"], r["message"]["text"].split("\n")[0]) for r in run["results"]] == [
-        ("note", "It is odd.")
-    ]
+    outcomes = noted("It is odd."), passed("It is.", gaps=("Only 3 of 9.",)), skipped("It has none.")
+    run = run_of(one_of(*outcomes))
+    (note,) = run["results"]
+    assert (note["level"], note["message"]["text"].split("\n")[0]) == ("note", "It is odd.")
     assert len(run["tool"]["driver"]["rules"]) == 3
     assert run["invocations"][0]["exitCode"] == 0
 
 
 def test_rules_quote_the_standard_in_both_versions() -> None:
-    procedures = [
-        finding(check.name, passed("It is."), check.title) for check in (archive.safe, derivatives.adjoint)
-    ]
+    checks = (archive.safe, derivatives.adjoint)
+    procedures = [finding(check.name, passed("It is."), check.title) for check in checks]
     safe, adjoint = run_of(report(examined("x.fmu", procedures)))["tool"]["driver"]["rules"]
     for clause in (archive.safe.clause, archive.safe.clause.of(3)):
         assert f"{clause}: “{clause.sentence}”" in safe["help"]["text"]
@@ -194,13 +176,11 @@ def test_addresses(path: str, uri: str) -> None:
 
 
 def test_other_reasons_not_to_pass_are_one_result() -> None:
-    fmu_report = Examined(
-        Path("x.fmu"), {}, (), 1.0, objections=("First.", "Second."), not_examined=("A gap.",)
-    )
+    objections, gaps = ("First.", "Second."), ("A gap.",)
+    fmu_report = Examined(Path("x.fmu"), {}, (), 1.0, objections=objections, not_examined=gaps)
     run = run_of(replace(report(fmu_report), complete=False))
-    assert [(r["ruleId"], r["message"]["text"]) for r in run["results"]] == [
-        ("not-passed", "First.\nSecond.")
-    ]
+    (result,) = run["results"]
+    assert (result["ruleId"], result["message"]["text"]) == ("not-passed", "First.\nSecond.")
     (invocation,) = run["invocations"]
     assert not invocation["executionSuccessful"]
     assert [n["message"]["text"] for n in invocation["toolExecutionNotifications"]] == [
@@ -217,6 +197,5 @@ def test_results_beyond_the_limit_of_github_are_counted(monkeypatch: pytest.Monk
     monkeypatch.setattr(sarif, "_MOST_RESULTS", 2)
     run = run_of(one_of(warned("w"), failed("f"), noted("n"), failed("g")))
     assert [r["level"] for r in run["results"]] == ["error", "error"]
-    assert run["invocations"][0]["toolExecutionNotifications"][-1]["message"]["text"] == (
-        "2 more results were left out."
-    )
+    (note,) = run["invocations"][0]["toolExecutionNotifications"]
+    assert note["message"]["text"] == "2 more results were left out."
