@@ -68,7 +68,7 @@ def _find_parts_of_version_3(subject: Subject) -> Iterator[str]:
 
 def _find_other_platforms(subject: Subject) -> Iterator[str]:
     """Yield the platforms whose binaries were only read."""
-    here = (fmpy.platform, fmpy.platform_tuple)
-    if platforms := [p.name for p in list_platforms(subject) if p.name not in here]:
+    this_platform = (fmpy.platform, fmpy.platform_tuple)
+    if platforms := [p.name for p in list_platforms(subject) if p.name not in this_platform]:
         names = join_few_names(platforms)
         yield f"Binaries for {names} were read, but not run on this {fmpy.platform} machine."

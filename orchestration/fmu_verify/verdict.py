@@ -52,9 +52,11 @@ def _read_quotations() -> dict[str, dict[str, tuple[str, str]]]:
 def quote(name: str) -> Clause:
     """Return a quotation by its name in quotations.json, or a rule of this program (`emla verify`).
 
-    The file has the section and the sentence by document. A second document is that for FMI 3.0.
+    The file has the section and the words by document. A second document is that for FMI 3.0.
     """
-    clauses = [Clause(*place, document=document) for document, place in _read_quotations()[name].items()]
+    clauses = [
+        Clause(*quotation, document=document) for document, quotation in _read_quotations()[name].items()
+    ]
     return replace(clauses[0], in_3=clauses[1]) if len(clauses) > 1 else clauses[0]
 
 

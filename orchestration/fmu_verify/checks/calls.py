@@ -149,8 +149,8 @@ def nonfinite(subject: Subject) -> CheckOutcome:
     variables = [*subject.of_causality("input"), *subject.of_causality("parameter")]
     variables = [v for v in variables if v.variability != "constant" and v.start is not None]
     try:
-        tried = variables[:_MOST_VARIABLES]
-        accepted, variable_count = in_fresh_process(_find_accepted_values, subject, tried)
+        first_variables = variables[:_MOST_VARIABLES]
+        accepted, variable_count = in_fresh_process(_find_accepted_values, subject, first_variables)
     except EndedError as error:
         return warned(str(error), clause=RETURNS)
     gaps = list_left_out(variable_count, len(variables), "inputs and parameters were set to NaN.")

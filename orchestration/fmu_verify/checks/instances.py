@@ -176,9 +176,9 @@ def _run_in_turns(subject: Subject, courses: list[Experiment]) -> list[OutputTra
     rows: list[list[list[float]]] = [[] for _ in courses]
     last = len(courses[0].times) - 1
     delay = min(3, last)
-    for turn in range(last + 1 + delay * (len(courses) - 1)):
+    for round_number in range(last + 1 + delay * (len(courses) - 1)):
         for k, (instance, course) in enumerate(zip(instances, courses, strict=True)):
-            at = turn - k * delay
+            at = round_number - k * delay
             if at == 0:
                 instance.initialize(course.at(0), float(course.times[0]))
             elif 0 < at <= last and not instance.terminated:

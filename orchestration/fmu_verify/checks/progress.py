@@ -151,7 +151,7 @@ def frozen(subject: Subject) -> CheckOutcome:
     problems, gaps = [*_find_stopped(run)], list(run.left_out)
     if not problems:
         problems = [*_find_inputs_without_late_effect(run, gaps)]
-    fine = f"{len(run.names)} outputs and states and the effects of inputs go on."
+    fine = f"{len(run.names)} outputs and states and the effects of inputs continue."
     return judge_problems((), fine, problems, tuple(gaps))
 
 

@@ -298,9 +298,9 @@ def metadata(subject: Subject) -> CheckOutcome:
     outcome = _judge_each(subject, readable, _judge_document, "meta-data")
     if outcome.verdict == Verdict.SKIPPED:
         outcome = passed(f"{len(listed)} related files are listed; no meta-data was read.", gaps=outcome.gaps)
-    unread = [f"{f.role} '{f.source}'" for f in other_files if f not in readable]
-    gap = f"Related files with these roles were not read: {join_few_names(unread)}."
-    return replace(outcome, blocks=False, gaps=(*outcome.gaps, *([gap] if unread else [])))
+    unread_files = [f"{f.role} '{f.source}'" for f in other_files if f not in readable]
+    gap = f"Related files with these roles were not read: {join_few_names(unread_files)}."
+    return replace(outcome, blocks=False, gaps=(*outcome.gaps, *([gap] if unread_files else [])))
 
 
 def _judge_document(subject: Subject, file: RelatedFile) -> CheckOutcome:

@@ -180,7 +180,7 @@ class HostedInstance(FmiInstance):
     def plain_step(self) -> tuple[Callable[..., int], tuple[Any, ...]]:
         """Return the function that steps as the library has it, and what follows time and length.
 
-        Nobody notes its calls, nor looks at what it says beside its status.
+        Its calls are not noted, and what it says beside its status is not read.
         """
         note(f"fmi{3 if self._is_3 else 2}DoStep, again and again")
         if not self._is_3:

@@ -56,7 +56,7 @@ class HostedModel(ContinuousModel):
 
     @cached_property
     def reports_steps(self) -> bool:
-        """Whether the FMU wants to be told that a step of the integrator is complete."""
+        """Whether the FMU needs a call after each step of the integrator."""
         if self.is_3:
             return self._subject.has_flag("needsCompletedIntegratorStep", "ModelExchange")
         return not self._subject.find_kind_element("ModelExchange").completedIntegratorStepNotNeeded

@@ -45,9 +45,9 @@ def examine(
 
     def call(runner: CheckRunner, check: Check, seconds: float, memory: int) -> CheckOutcome:
         subject = runner.subject
-        places = list_writable(subject)
+        folders = list_writable(subject)
         if check.name in apart:
-            with closing(CheckProcess(_run_quietly, (subject, check), memory, places)) as process:
+            with closing(CheckProcess(_run_quietly, (subject, check), memory, folders)) as process:
                 return process.call((), seconds)
         return _run_here(subject, check)
 

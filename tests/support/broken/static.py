@@ -93,7 +93,7 @@ def _with_library(edit: Callable[[bytes], bytes]) -> Build:
     return with_files(lambda files: files.update({LIBRARY: edit(files[LIBRARY])}))
 
 
-def _moved(old: str, new: str) -> Build:
+def _rename_entries(old: str, new: str) -> Build:
     """Builds the good FMU with a file, or all files of a folder, in another place."""
 
     def edit(files: Files) -> None:
@@ -218,24 +218,24 @@ STATIC: list[Broken] = [
     Broken("no-header", "A header that the sources lack", "sources.compile",
         with_files(lambda files: files.pop("sources/equations.h"))),
     Broken("folder-case", "A folder of the archive in the wrong case", "archive.layout",
-        _moved("documentation", "Documentation")),
+        _rename_entries("documentation", "Documentation")),
     Broken("folder-name", "A folder of the archive with a similar name", "archive.layout",
-        _moved("terminalsAndIcons", "terminalsAndIcon"), verdict=Verdict.WARNING),
+        _rename_entries("terminalsAndIcons", "terminalsAndIcon"), verdict=Verdict.WARNING),
     Broken("file-case", "A file of the standard in the wrong case", "archive.layout",
-        _moved("documentation/index.html", "documentation/Index.html")),
+        _rename_entries("documentation/index.html", "documentation/Index.html")),
     Broken("description-case", "The model description in the wrong case", "description.readable",
-        _moved(DESCRIPTION, "ModelDescription.xml")),
+        _rename_entries(DESCRIPTION, "ModelDescription.xml")),
     Broken("in-folder", "All files in a folder of the archive", "description.readable",
         with_files(lambda files: [files.update({f"Toy/{name}": files.pop(name)}) for name in [*files]])),
     Broken("platform-case", "The folder of a platform in the wrong case", "binaries.platform",
-        _moved(str(Path(LIBRARY).parent), f"binaries/{fmpy.platform.capitalize()}")),
+        _rename_entries(str(Path(LIBRARY).parent), f"binaries/{fmpy.platform.capitalize()}")),
     Broken("platform-name", "The folder of a platform with another name for it", "binaries.platform",
-        _moved(str(Path(LIBRARY).parent), f"binaries/{fmpy.platform[:-2]}_{fmpy.platform[-2:]}"),
+        _rename_entries(str(Path(LIBRARY).parent), f"binaries/{fmpy.platform[:-2]}_{fmpy.platform[-2:]}"),
         verdict=Verdict.WARNING),
     Broken("library-case", "The library in the wrong case", "binaries.present",
-        _moved(LIBRARY, LIBRARY.replace("Toy", "toy"))),
+        _rename_entries(LIBRARY, LIBRARY.replace("Toy", "toy"))),
     Broken("library-prefix", "The library with the prefix lib", "binaries.present",
-        _moved(LIBRARY, LIBRARY.replace("Toy", "libToy"))),
+        _rename_entries(LIBRARY, LIBRARY.replace("Toy", "libToy"))),
     Broken("library-suffix", "A library of Windows with the suffix of Linux", "binaries.present",
         _another_library("win32/Toy.so", 0x014C)),
     Broken("32-bits", "A library for 32 bits in the folder for 64 bits", "binaries.platform",

@@ -181,8 +181,10 @@ def test_fault_is_reported_by_its_check(broken: Broken, tmp_path: Path) -> None:
         settings = replace(broken.settings, only=(broken.check,))
         examined = examined_all([(broken, settings)], tmp_path)[broken.name]
     else:
-        apart = CALLING & {broken.check} if broken in SAFE_TO_RUN else CALLING
-        examined = examine(broken.build(tmp_path), broken.check, settings=broken.settings, apart=apart)
+        separate_checks = CALLING & {broken.check} if broken in SAFE_TO_RUN else CALLING
+        examined = examine(
+            broken.build(tmp_path), broken.check, settings=broken.settings, apart=separate_checks
+        )
     reported = _reported(examined)
     assert list(reported) == [broken.check], reported
     assert examined[broken.check].verdict == broken.verdict
