@@ -96,7 +96,7 @@ def _make_result(
     key = "\0".join((rule, address, inside))
     inner = [{"name": make_visible(inside), "kind": "resource"}] if inside else []
     location: dict[str, Any] = {
-        "physicalLocation": {"artifactLocation": {"uri": address}, "region": dict(_START)},
+        "physicalLocation": {"artifactLocation": {"uri": address}, "region": dict(_START)}
     }
     if logical := [*inner, *(signals or [])]:
         location["logicalLocations"] = logical

@@ -19,15 +19,7 @@ from emla_cosim.base.process import Child, ChildEndedError, describe_exit, limit
 from emla_cosim.fmu.python_exceptions import REMEDY, find_left_exception
 
 from .confinement import confine
-from .verdict import (
-    LEAVES_EXCEPTION,
-    RETURNS,
-    CheckOutcome,
-    blocked,
-    describe_exception,
-    failed,
-    quote,
-)
+from .verdict import LEAVES_EXCEPTION, RETURNS, CheckOutcome, blocked, describe_exception, failed, quote
 
 _FIRST = "its first call"
 """The note before the first call."""

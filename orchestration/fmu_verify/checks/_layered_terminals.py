@@ -32,14 +32,8 @@ _SHAPE = quote("struct.shape")
 _POINTS = quote("struct.points")
 _DOMAIN = quote("struct.domain")
 _CAUSALITIES = {
-    "domainInput": (
-        ("input", "output", "local"),
-        quote("struct.domain_input"),
-    ),
-    "codomainOutput": (
-        ("output", "local"),
-        quote("struct.codomain_output"),
-    ),
+    "domainInput": (("input", "output", "local"), quote("struct.domain_input")),
+    "codomainOutput": (("output", "local"), quote("struct.codomain_output")),
 }
 _PAIRS = {"domainInput": "domain", "codomainOutput": "codomain"}
 Member = tuple[str, DeclaredVariable]

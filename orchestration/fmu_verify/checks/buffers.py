@@ -14,15 +14,7 @@ from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import EndlessIterationError, HostedInstance
 from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import (
-    RETURNS,
-    CheckOutcome,
-    failed,
-    noted,
-    passed,
-    skipped,
-    warned,
-)
+from ..verdict import RETURNS, CheckOutcome, failed, noted, passed, skipped, warned
 from .iteration import explain_endless
 
 _GUARD = 64

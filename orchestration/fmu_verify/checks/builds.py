@@ -34,10 +34,7 @@ def description(subject: Subject) -> CheckOutcome:
         return skipped("The FMU has no sources.")
     if problems := find_schema_problems(root, "fmi3BuildDescription.xsd"):
         return judge_problems(problems, "")
-    violations: list[Problem] = [
-        *_find_contradictions(root, subject),
-        *_find_missing_files(root, subject),
-    ]
+    violations: list[Problem] = [*_find_contradictions(root, subject), *_find_missing_files(root, subject)]
     count = len(root.findall("BuildConfiguration"))
     fine = f"The build description has {count} configurations; all files exist."
     return judge_problems(violations, fine, [*_find_missing_libraries(root, subject)])

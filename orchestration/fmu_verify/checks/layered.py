@@ -171,11 +171,7 @@ class _Standard(NamedTuple):
 
 
 _STANDARDS = {
-    REF: _Standard(
-        quote("layered.ref"),
-        (2, 3),
-        _judge_related,
-    ),
+    REF: _Standard(quote("layered.ref"), (2, 3), _judge_related),
     BUS: _Standard(
         quote("layered.bus"),
         (3,),
@@ -186,10 +182,6 @@ _STANDARDS = {
         (2, 3),
         lambda manifest, subject, findings: findings.problems.extend(judge_xcp(manifest, subject)),
     ),
-    STRUCT: _Standard(
-        quote("layered.struct"),
-        (3,),
-        _judge_struct,
-    ),
+    STRUCT: _Standard(quote("layered.struct"), (3,), _judge_struct),
 }
 """The layered standards of the FMI project by name."""

@@ -137,10 +137,7 @@ def _describe_compilation(
     compiler = find_machine_compiler() or find_zig()
     if not compiler:
         return unjudged(NO_COMPILER)
-    with (
-        tempfile.TemporaryDirectory() as scratch,
-        as_file(files("fmpy") / "c-code") as headers,
-    ):
+    with tempfile.TemporaryDirectory() as scratch, as_file(files("fmpy") / "c-code") as headers:
         command = [*compiler, "-shared", "-fPIC", "-O0", "-w", "-I", str(headers), "-I", str(folder)]
         command += [*(f"-I{path}" for path in includes), *macros]
         command += ["-Wl,--no-undefined"] if sys.platform == "linux" else []

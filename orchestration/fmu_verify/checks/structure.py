@@ -132,8 +132,7 @@ def _find_misdirected(declared: Declarations) -> Iterator[Problem]:
             yield Breach(f"{variable} is its own derivative.", _DERIVATIVE)
         elif not state.is_real:
             yield Breach(
-                f"{variable} is the derivative of {state}, which is of type {state.type}.",
-                _DERIVATIVE,
+                f"{variable} is the derivative of {state}, which is of type {state.type}.", _DERIVATIVE
             )
 
 

@@ -59,8 +59,7 @@ def at_events(subject: Subject, types: Sequence[str] = REAL) -> list[Dependency]
 def _read(unknowns: Iterable[Unknown], types: Sequence[str]) -> list[Dependency]:
     return [
         Dependency(
-            u.variable.name,
-            None if u.dependencies is None else frozenset(v.name for v in u.dependencies),
+            u.variable.name, None if u.dependencies is None else frozenset(v.name for v in u.dependencies)
         )
         for u in unknowns
         if u.variable is not None and u.variable.type in types

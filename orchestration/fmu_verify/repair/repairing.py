@@ -25,13 +25,7 @@ from ..findings import Examined, Finding
 from ..runner import verify
 from ..subject import Subject
 from ..verdict import Verdict
-from .attribute_rules import (
-    find_libraries,
-    mend_annotations,
-    mend_attributes,
-    mend_guid,
-    mend_identifier,
-)
+from .attribute_rules import find_libraries, mend_annotations, mend_attributes, mend_guid, mend_identifier
 from .encoding_rules import mend_encoding
 from .record import Change, write_record
 from .structure_rules import mend_structure

@@ -17,10 +17,7 @@ from ..host.other_values import list_settable, read_start
 from ..subject import Subject
 
 _STEPS = 20
-_TYPES = {
-    2: ("Real", "Integer", "Boolean", "String"),
-    3: (*NUMBER_TYPES, "Boolean", "String"),
-}
+_TYPES = {2: ("Real", "Integer", "Boolean", "String"), 3: (*NUMBER_TYPES, "Boolean", "String")}
 """Types in the names of functions, by version of FMI."""
 
 # step of Model Exchange relative to the communication step: the host integrates by Euler's rule

@@ -19,7 +19,7 @@ from tests.support.broken.wide import WIDE
 from tests.support.paths import ROOT
 
 BROKEN: list[Broken] = [
-    *(*STATIC, *DYNAMIC, *WIDE, *NUMERIC, *MEMORY, *THIRD, *LAYERED, *CLOCKED, *RELATED_FILES),
+    *(*STATIC, *DYNAMIC, *WIDE, *NUMERIC, *MEMORY, *THIRD, *LAYERED, *CLOCKED, *RELATED_FILES)
 ]
 FILE = ROOT / "docs" / "broken-fmus.csv"
 
