@@ -372,9 +372,8 @@ def _read_variable(
 
 def _read_dimension(element: Any, find_position: Callable[[str], int]) -> Dimension:
     size, reference = element.get("start"), element.get("valueReference")
-    return Dimension(
-        None if size is None else int(size), None if reference is None else find_position(reference)
-    )
+    index = None if reference is None else find_position(reference)
+    return Dimension(None if size is None else int(size), index)
 
 
 def _find_typed_element(element: Any, version: int) -> Any:

@@ -79,9 +79,8 @@ def _find_missing_in_version(
 ) -> Iterator[str]:
     """Yield checks that must run, but are of what another version of FMI has."""
     for pattern in subject.settings.must_run:
-        if any(is_selected_by(pattern, name) for name in other_version) and not any(
-            is_selected_by(pattern, f.check) for f in reported
-        ):
+        is_missing = any(is_selected_by(pattern, name) for name in other_version)
+        if is_missing and not any(is_selected_by(pattern, f.check) for f in reported):
             yield f"--must-run {pattern}: FMI {subject.known_version}.0 does not have what it is about."
 
 
@@ -117,9 +116,8 @@ def check_names(patterns: Iterable[str]) -> None:
         if not any(is_selected_by(pattern, c.name) for c in CHECKS):
             names = [c.name for c in CHECKS]
             near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.4)
-            advice = (
-                f"did you mean {' or '.join(near)}?" if near else "`emla verify --list` lists all checks."
-            )
+            every = "`emla verify --list` lists all checks."
+            advice = f"did you mean {' or '.join(near)}?" if near else every
             raise CommandError(f"there is no check '{pattern}'; {advice}", name=pattern, choices=names)
 
 

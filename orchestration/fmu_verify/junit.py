@@ -24,9 +24,8 @@ def render(report: Findings) -> str:
         errors=0,
         time=_format_seconds(sum(examined.seconds for examined in report.examined)),
     )
-    root.extend(
-        _build_suite(examined, name, report) for examined, name in zip(report.examined, names, strict=True)
-    )
+    pairs = zip(report.examined, names, strict=True)
+    root.extend(_build_suite(examined, name, report) for examined, name in pairs)
     etree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
 

@@ -89,10 +89,8 @@ def read_manifest(path: Path) -> LayeredManifest:
         root = parse_xml(path.read_bytes())
     except (SyntaxError, OSError) as error:
         raise CommandError(f"'{label_manifest(path)}' is not valid XML: {error}.") from error
-    name, version, description = (
-        root.get(f"{_NAMESPACE}fmi-ls-{attribute}") for attribute in ("name", "version", "description")
-    )
-    return LayeredManifest(path, root, name, version, description)
+    texts = [root.get(f"{_NAMESPACE}fmi-ls-{name}") for name in ("name", "version", "description")]
+    return LayeredManifest(path, root, *texts)
 
 
 @dataclass(frozen=True)

@@ -246,9 +246,8 @@ def _examine(job: ExaminerJob, pool: ChildPool, advance: Callable[[], None]) -> 
                     advance()
                 if isinstance(answer, RunError):
                     raise answer
-                return replace(
-                    answer, path=job.requested_path, name=job.name, options=list_options(job.settings)
-                )
+                options = list_options(job.settings)
+                return replace(answer, path=job.requested_path, name=job.name, options=options)
         except ChildEndedError as error:
             if pool.is_closed:
                 break

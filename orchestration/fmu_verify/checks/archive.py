@@ -121,9 +121,8 @@ def format_(subject: Subject) -> CheckOutcome:
         if e.flag_bits & _SIZE_BEHIND_DATA and e.compress_type == zipfile.ZIP_STORED and not e.is_dir()
     ]
     doubts = [f"{join_few_names(newer)} needs a newer version of the format than 2.0."] if newer else []
-    doubts += (
-        [f"{join_few_names(streamed)} is stored with its size behind the data (bit 3)."] if streamed else []
-    )
+    if streamed:
+        doubts.append(f"{join_few_names(streamed)} is stored with its size behind the data (bit 3).")
     return judge_problems(problems, f"{len(entries)} entries are stored or deflated.", doubts)
 
 

@@ -243,10 +243,8 @@ def adjoint(subject: Subject) -> CheckOutcome:
         return failed(message, details=tuple(wrong), gaps=tuple(gaps))
     if not count:
         return skipped("No derivative of a Real output by a Real input can be requested.")
-    message = (
-        f"{count} adjoint derivatives agree with {'directional ones' if directional else 'differences'}."
-    )
-    return passed(message, gaps=tuple(gaps))
+    others = "directional ones" if directional else "differences"
+    return passed(f"{count} adjoint derivatives agree with {others}.", gaps=tuple(gaps))
 
 
 def _list_adjoint_modes(subject: Subject, kind: str, directional: bool) -> list[Points]:
@@ -271,10 +269,8 @@ def _compare_adjoint(subject: Subject, points: Points, directional: bool) -> tup
             allowed = _MAX_ADJOINT_ERROR if directional else _MAX_ERROR
             limit = allowed * np.maximum(np.abs(derivatives), np.abs(matrix[i])) + doubt[i]
             for k in np.flatnonzero(~(np.abs(derivatives - matrix[i]) <= limit) & np.isfinite(matrix[i])):
-                wrong.append(
-                    f"that of {unknown} by {point.knowns[k]} {point.where} is {derivatives[k]:.6g}, not "
-                    f"{matrix[i][k]:.6g}."
-                )
+                label = f"that of {unknown} by {point.knowns[k]} {point.where}"
+                wrong.append(f"{label} is {derivatives[k]:.6g}, not {matrix[i][k]:.6g}.")
     return wrong, count
 
 

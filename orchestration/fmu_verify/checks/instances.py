@@ -323,9 +323,8 @@ def _run_in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputT
 @check("instance.reset", needs=("run.deterministic",), time_factor=5.0)
 def reset(subject: Subject) -> CheckOutcome:
     """Compare a run after fmi2Reset with that of a new instance, both after the same first run."""
-    expected = (
-        run_alone(subject) if is_single_instance(subject) else in_fresh_process(_run_twice, subject, False)
-    )
+    is_single = is_single_instance(subject)
+    expected = run_alone(subject) if is_single else in_fresh_process(_run_twice, subject, False)
     after_reset = in_fresh_process(_run_twice, subject, True)
     return compare_runs(after_reset, expected, "A run after fmi2Reset", _ALLOWED)
 

@@ -60,9 +60,8 @@ def categories(subject: Subject) -> CheckOutcome:
             if line.status == OK and line.category != category:
                 where = f"With only {category} enabled it logs in {_describe_category(line)}"
                 return failed(f"{where}: {format_message(line.text)}", clause=quote("logs.enabled"))
-    strange = sorted(
-        {_describe_category(line) for line in [*quiet, *everything] if line.category not in declared}
-    )
+    undeclared = [line for line in (*quiet, *everything) if line.category not in declared]
+    strange = sorted({_describe_category(line) for line in undeclared})
     if strange and declared:
         message = f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare."
         return warned(message, clause=quote("logs.allowed"))
@@ -80,18 +79,16 @@ def errors(subject: Subject) -> CheckOutcome:
     FMI 3.0 requires it, FMI 2.0 expects it, so that it is noted there.
     """
     silent, refused = [], 0
-    for call, (status, is_explained) in zip(
-        list_refused_calls(subject), _collect_answers(subject), strict=True
-    ):
+    calls = list_refused_calls(subject)
+    for call, (status, is_explained) in zip(calls, _collect_answers(subject), strict=True):
         if status in (ERROR, FATAL):
             refused += 1
             silent += [] if is_explained else [f"{call.function} {call.phase}"]
     if silent:
         judge = warned if subject.version == 3 else noted
         message = f"{len(silent)} of {refused} calls returned {STATUS[ERROR]} without a message: {silent[0]}."
-        return judge(
-            message, details=tuple(f"{call} returned an error without a message." for call in silent)
-        )
+        details = tuple(f"{call} returned an error without a message." for call in silent)
+        return judge(message, details=details)
     if not refused:
         return unjudged(
             "No call in a wrong phase is refused: whether errors come with a message is not known."

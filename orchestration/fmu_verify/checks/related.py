@@ -290,10 +290,8 @@ def metadata(subject: Subject) -> CheckOutcome:
     listed = list_related(subject.folder)
     if not listed:  # other checks need this one, so that they are skipped, too
         return skipped("The FMU lists no related files.")
-    used = _list_used(subject)
-    other_files = [
-        f for f in listed if f.role not in _JUDGED_ROLES and f.path is not None and f.path not in used
-    ]
+    used = {None, *_list_used(subject)}
+    other_files = [f for f in listed if f.role not in _JUDGED_ROLES and f.path not in used]
     readable = [f for f in other_files if is_xml(f)]
     outcome = _judge_each(subject, readable, _judge_document, "meta-data")
     if outcome.verdict == Verdict.SKIPPED:

@@ -39,10 +39,8 @@ def compile_(subject: Subject) -> CheckOutcome:
     if subject.version == 3:
         return _judge_configurations(subject)
     folder = subject.folder / "sources"
-    lists = {
-        kind: [e.get("name") for e in subject.tree.iterfind(f"{kind}/SourceFiles/File")]
-        for kind in subject.kinds
-    }
+    elements = {kind: subject.tree.iterfind(f"{kind}/SourceFiles/File") for kind in subject.kinds}
+    lists = {kind: [e.get("name") for e in files_of_kind] for kind, files_of_kind in elements.items()}
     if not any(lists.values()):
         if folder.is_dir() and any(folder.rglob("*.c")):
             message = "The FMU has sources, but SourceFiles does not list which to compile."
@@ -66,11 +64,7 @@ def compile_(subject: Subject) -> CheckOutcome:
             continue
         if (outcome := _describe_compilation(folder, names, seconds, needed=needed)) is not None:
             is_late = outcome.verdict == Verdict.SKIPPED
-            if (
-                is_late
-                or not header_folders
-                or _describe_compilation(folder, names, seconds, header_folders) is not None
-            ):
+            if is_late or not header_folders or _describe_compilation(folder, names, seconds, header_folders):
                 return outcome
             return warned(
                 "The sources compile only with include folders, which SourceFiles cannot list: "
@@ -84,9 +78,8 @@ def compile_(subject: Subject) -> CheckOutcome:
 def _judge_configurations(subject: Subject) -> CheckOutcome:
     """Compile the sources that the build description names for each kind."""
     seconds = _PART * _TIME_FACTOR * subject.settings.seconds
-    source_sets = {
-        kind: sources for kind in subject.kinds if (sources := find_sources(subject, kind)) is not None
-    }
+    all_sources = {kind: find_sources(subject, kind) for kind in subject.kinds}
+    source_sets = {kind: sources for kind, sources in all_sources.items() if sources is not None}
     if not source_sets:
         return skipped("The FMU has no sources with a build configuration for this machine.")
     folder = subject.folder / "sources"
@@ -99,9 +92,8 @@ def _judge_configurations(subject: Subject) -> CheckOutcome:
         names = [path.relative_to(folder.resolve()).as_posix() for path in sources.files]
         # functions then have no prefix, which those of static libraries have
         macros = (*sources.macros, "-DFMI3_OVERRIDE_FUNCTION_PREFIX")
-        if (
-            outcome := _describe_compilation(folder, names, seconds, sources.includes, macros, needed)
-        ) is not None:
+        outcome = _describe_compilation(folder, names, seconds, sources.includes, macros, needed)
+        if outcome is not None:
             return outcome
     return passed(f"The sources for {' and '.join(source_sets)} compile and link.")
 

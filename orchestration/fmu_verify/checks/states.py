@@ -52,11 +52,8 @@ def _run_twice(instance: HostedInstance, course: Experiment, first: int, last: i
     for _ in range(2):
         instance.restore_state(state)
         actual = step_instance(instance, course, first, last)
-        outcomes.append(
-            compare_runs(
-                actual, expected, f"A run from the state of t = {course.times[first]:.9g} s", _ALLOWED
-            )
-        )
+        run_name = f"A run from the state of t = {course.times[first]:.9g} s"
+        outcomes.append(compare_runs(actual, expected, run_name, _ALLOWED))
     instance.free_state(state)
     return outcomes
 
@@ -126,9 +123,8 @@ def serialized(subject: Subject) -> CheckOutcome:
         return skipped("It asked to end the run before its state could be saved.")
     actual = in_fresh_process(_run_from_bytes, subject, course, middle, data)
     expected = OutputTrajectory(full_run.times[middle:], full_run.names, full_run.values[middle:])
-    outcome = compare_runs(
-        actual, expected, f"A run from the serialized state of t = {course.times[middle]:.9g} s", _ALLOWED
-    )
+    run_name = f"A run from the serialized state of t = {course.times[middle]:.9g} s"
+    outcome = compare_runs(actual, expected, run_name, _ALLOWED)
     if outcome.verdict == Verdict.PASSED and (count := len(_find_addresses(data))):
         outcome = _judge_moved(subject, course, middle, data, count) or outcome
     return outcome if outcome.verdict != Verdict.PASSED else _judge_damaged(subject, data)
@@ -163,9 +159,8 @@ def _judge_moved(
     addresses = format_count(count, "address", "addresses")
     message = f"The bytes of a state contain {addresses} of its process"
     try:
-        in_fresh_process(
-            _run_from_bytes, subject, course, middle, bytes(moved_data), timeout=subject.settings.seconds
-        )
+        arguments = (subject, course, middle, bytes(moved_data))
+        in_fresh_process(_run_from_bytes, *arguments, timeout=subject.settings.seconds)
     except EndedError as error:
         return failed(f"{message}, used where they are restored: {error.call} ends another process.")
     except CallError:  # it may know that the bytes were changed

@@ -131,9 +131,8 @@ def _find_misdirected(declared: Declarations) -> Iterator[Problem]:
         elif state is variable:
             yield Breach(f"{variable} is its own derivative.", _DERIVATIVE)
         elif not state.is_real:
-            yield Breach(
-                f"{variable} is the derivative of {state}, which is of type {state.type}.", _DERIVATIVE
-            )
+            message = f"{variable} is the derivative of {state}, which is of type {state.type}."
+            yield Breach(message, _DERIVATIVE)
 
 
 @check("structure.initial_unknowns", needs=("structure.derivatives",))

@@ -161,9 +161,8 @@ def _mend_units(root: Any, version: int) -> Iterator[Change]:
         display_units = {user.get("displayUnit") for user in users if user.get("unit") == name}
         for display in sorted(filter(None, display_units)):
             if (display_unit := find_unit(display)) is not None and display_unit.exponents == unit.exponents:
-                etree.SubElement(
-                    element, "DisplayUnit", name=display, **_describe_display(unit, display_unit)
-                )
+                conversion = _describe_display(unit, display_unit)
+                etree.SubElement(element, "DisplayUnit", name=display, **conversion)
         yield Change("units.defined", f"Unit '{name}'", "", describe_element(base))
 
 

@@ -184,9 +184,8 @@ def _describe_end(calls: list[str], code: int) -> str:
     log_message = next((line.removeprefix("# ") for line in reversed(calls) if line.startswith("#")), "")
     call = _find_last_call(calls)
     if calls[-1:] == ["NULL"]:
-        reason = (
-            f"fmi2Instantiate answered NULL: {log_message}" if call else "it does not export fmi2Instantiate"
-        )
+        reason = f"fmi2Instantiate answered NULL: {log_message}"
+        reason = reason if call else "it does not export fmi2Instantiate"
         return shorten_sentence(f"{reason.rstrip(': .')}.")
     return f"It ended the process in {call or 'its first call'} ({describe_exit(code)})."
 
