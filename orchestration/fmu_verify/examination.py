@@ -116,8 +116,8 @@ def check_names(patterns: Iterable[str]) -> None:
         if not any(is_selected_by(pattern, c.name) for c in CHECKS):
             names = [c.name for c in CHECKS]
             near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.4)
-            every = "`emla verify --list` lists all checks."
-            advice = f"did you mean {' or '.join(near)}?" if near else every
+            advice = "`emla verify --list` lists all checks."
+            advice = f"did you mean {' or '.join(near)}?" if near else advice
             raise CommandError(f"there is no check '{pattern}'; {advice}", name=pattern, choices=names)
 
 
