@@ -182,11 +182,7 @@ def _list_attributes(reference: int, variable: ContainerVariable) -> dict[str, s
 
 
 def _set_type_attributes(
-    kind: Element,
-    variable: ContainerVariable,
-    library: Library,
-    units: _Units,
-    enumerations: _Enumerations,
+    kind: Element, variable: ContainerVariable, library: Library, units: _Units, enumerations: _Enumerations
 ) -> None:
     """Set unit, range and other attributes of the type of a variable."""
     origin, declared = variable.origin, variable.origin.declaredType

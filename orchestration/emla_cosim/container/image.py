@@ -13,17 +13,7 @@ from fmublock.compiling import c_number
 
 from ..master.instances.call_codes import split_code
 from ..stepper.event_layout import CLOCK_SET, CLOCKED_CALL, TIMED_CLOCK, TRIGGERED_CLOCK, Events
-from ..stepper.layout import (
-    CALL,
-    COMBINATION,
-    GROUP,
-    INPUT,
-    INSTANCE,
-    OPERATION,
-    SIGNAL,
-    TERM,
-    Stepper,
-)
+from ..stepper.layout import CALL, COMBINATION, GROUP, INPUT, INSTANCE, OPERATION, SIGNAL, TERM, Stepper
 
 _TYPES: Mapping[Any, str] = {
     **{np.dtype(name): f"{name}_t" for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32")},

@@ -190,10 +190,7 @@ def _solve_initial_loops(network: Network, times: CommunicationPoints) -> list[V
 
 
 def _make_plan(
-    assembly: Assembly,
-    algorithm: Algorithm,
-    guesses: Sequence[Vector],
-    times: CommunicationPoints,
+    assembly: Assembly, algorithm: Algorithm, guesses: Sequence[Vector], times: CommunicationPoints
 ) -> ContainerPlan:
     network, exchange = assembly.network, algorithm.exchange
     libraries = _list_libraries(list(assembly.files.values()))

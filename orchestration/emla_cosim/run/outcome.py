@@ -11,11 +11,7 @@ from ..master.coupling.estimate import CouplingError
 from ..recorders.bond_energies import COUPLING
 from ..recorders.metrics import SIGNALS, Figures, list_figures
 from ..recorders.table import Table
-from .agreement import (
-    agreement_record,
-    describe_disagreement,
-    describe_missing_part,
-)
+from .agreement import agreement_record, describe_disagreement, describe_missing_part
 from .execution import ActiveRun
 from .remarks import describe_disabled_event_mode, describe_idle_clocks, describe_lost_values
 from .requirements import describe_unmet

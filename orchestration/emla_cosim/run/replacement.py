@@ -20,11 +20,7 @@ if TYPE_CHECKING:
 
 
 def replace_component(
-    system: System,
-    name: str,
-    replacement: Replacement,
-    other: Interface,
-    interfaces: Mapping[str, Interface],
+    system: System, name: str, replacement: Replacement, other: Interface, interfaces: Mapping[str, Interface]
 ) -> tuple[System, CompatibilityReport]:
     """Replace a component with an FMU that has the interface `other`.
 

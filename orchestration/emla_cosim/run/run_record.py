@@ -192,10 +192,7 @@ def _file(path: Path, unpacked: Path | None) -> str:
 @cache
 def list_versions() -> dict[str, str | None]:
     """Return the versions of Python and of the packages that affect results; None for missing packages."""
-    versions: dict[str, str | None] = {
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-    }
+    versions: dict[str, str | None] = {"python": platform.python_version(), "platform": platform.platform()}
     for package in _PACKAGES:
         try:
             versions[package] = version(package)

@@ -225,7 +225,5 @@ class SystemOptions:
         metavar="COMPONENT",
     )
     precision: str = _exported(
-        "double",
-        help="Type of the numbers in an exported C file.",
-        choices=lambda: ("double", "float"),
+        "double", help="Type of the numbers in an exported C file.", choices=lambda: ("double", "float")
     )

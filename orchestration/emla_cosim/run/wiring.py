@@ -32,11 +32,7 @@ from .run_setup import RunPlan
 
 
 def wire_run(
-    plan: RunPlan,
-    system: System,
-    assembly: Assembly,
-    recorders: Sequence[Recorder] | None,
-    folder: Path,
+    plan: RunPlan, system: System, assembly: Assembly, recorders: Sequence[Recorder] | None, folder: Path
 ) -> ActiveRun:
     """Return a run before its initialization.
 

@@ -18,10 +18,7 @@ from .options import report, scheduler, workers
 
 OPTIONS = COMPARE
 
-EXAMPLES = (
-    "emla compare study --controllers rsba,foc",
-    "emla compare study --table paper",
-)
+EXAMPLES = ("emla compare study --controllers rsba,foc", "emla compare study --table paper")
 
 
 def _split_names(text: str) -> list[str]:

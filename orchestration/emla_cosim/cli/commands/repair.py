@@ -24,10 +24,7 @@ from ...views.terminal import show, show_file
 
 OPTIONS = REPAIR
 
-EXAMPLES = (
-    "emla repair mine.fmu -o fixed.fmu",
-    "emla repair mine.fmu --dry-run",
-)
+EXAMPLES = ("emla repair mine.fmu -o fixed.fmu", "emla repair mine.fmu --dry-run")
 
 _LONGEST = 200
 """Most letters of a text before or after a change."""

@@ -17,10 +17,7 @@ from .run import run_into
 
 OPTIONS = RUN
 
-EXAMPLES = (
-    "emla rerun results/study",
-    "emla rerun results/study/run.json --step-size 5e-5 --output finer",
-)
+EXAMPLES = ("emla rerun results/study", "emla rerun results/study/run.json --step-size 5e-5 --output finer")
 
 
 @dataclass(frozen=True)

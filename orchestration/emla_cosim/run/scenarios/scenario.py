@@ -146,10 +146,7 @@ class Scenario:
         )
 
     def export(
-        self,
-        file: str | Path,
-        progress: Progress | None = None,
-        **options: Unpack[RunOptions],
+        self, file: str | Path, progress: Progress | None = None, **options: Unpack[RunOptions]
     ) -> Path:
         """Write the system as an SSP, as one FMU, or components as plain C, with all changes by the options.
 
