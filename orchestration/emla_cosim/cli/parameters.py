@@ -78,7 +78,7 @@ def _read(option: Option, text: Any) -> Any:
         of = get_args(option.plain_type)[1]
         return {name: _read_entry(option, name, value, of) for name, value in _split_pairs(option.flag, text)}
     if option.unit:
-        return read_option(option.name, text, option.flag, known={option.name: option})
+        return read_option(option.name, text, option.flag, allowed={option.name: option})
     if option.is_repeatable:
         return [_read_plain(f"{option.flag} {part}", part, option.text_type) for part in text]
     return _read_plain(f"{option.flag} {text}", text, option.text_type)

@@ -38,6 +38,7 @@ def align_values(
     """
     if object not in (values.dtype, reference.dtype):
         return values.astype(float), reference_time, reference.astype(float)
+    # texts are held until the next row, and a rounded time counts as the same
     last = np.searchsorted(reference_time, time + 1e-9 * np.abs(time), side="right") - 1
     texts = np.concatenate([values.astype(str), reference[np.maximum(last, 0)].astype(str)])
     numbers = np.unique(texts, return_inverse=True)[1].astype(float)

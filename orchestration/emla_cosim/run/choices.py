@@ -55,6 +55,7 @@ def resolve(layers: Sequence[Mapping[str, Any]]) -> Resolution:
         for name, value in layer.items():
             if name not in unused or number >= starts[unused[name]][0]:
                 values[name] = merge_value(values.get(name), value)
+    # a later option of another step-size control chooses that control
     start, lacking = starts[_IMPLIED]
     if values.get(_IMPLIED) is not None and not lacking.isdisjoint(chain(*layers[start + 1 :])):
         values[_IMPLIED] = None

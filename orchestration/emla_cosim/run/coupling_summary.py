@@ -79,7 +79,7 @@ class CouplingSummary:
 
     @classmethod
     def of(
-        cls, algorithm: Algorithm, stepping: Stepping, sampling: Sampling, wanted: bool
+        cls, algorithm: Algorithm, stepping: Stepping, sampling: Sampling, is_requested: bool
     ) -> "CouplingSummary":
         """Return the summary before the first step; the stepping then saves what an estimate needs.
 
@@ -87,7 +87,7 @@ class CouplingSummary:
             algorithm: The algorithm, after `setup`.
             stepping: What does its steps.
             sampling: Which components sample.
-            wanted: Whether the error is to be estimated.
+            is_requested: Whether the error is to be estimated.
         """
         instances = algorithm.network.instances
         samplers, unknown = (
@@ -97,7 +97,7 @@ class CouplingSummary:
         connections = list_continuous_connections(algorithm, samplers)
         doubtful = sorted({n for x in connections for n in (x.source, x.target)} & set(unknown))
         reason = ""
-        if not wanted:
+        if not is_requested:
             reason = SWITCHED_OFF
         elif not connections:
             reason = NO_CONNECTIONS
@@ -185,6 +185,7 @@ class CouplingSummary:
                 f"({use}). Whether such errors add up is not known, because FMUs cannot repeat steps."
             )
         else:
+            # half the step leaves the part 0.5^order of the error
             half, about = _percent(size * (1.0 - 0.5**order)), "about " if size <= LARGEST_SHOWN else ""
             text = (
                 f"Coupling error: {about}{percent} of the range of {signal}; half the step would change it "
@@ -210,6 +211,7 @@ class CouplingSummary:
             if all(s.rolls_back for s in instances.values()):
                 return "The loop may be unstable with any step. Use --algorithm strong."
             return "The loop may be unstable with any step, and its FMUs cannot repeat steps as strong needs."
+        # an error of order p falls with the p-th power of the step
         step = _round_step(self.step * (AIM / size) ** (1.0 / algorithm.accuracy))
         held_targets = {x.target for x in self.connections if x.mode != Mode.LINE}
         if algorithm.extrapolation != "fmu" and any(instances[name].interpolates for name in held_targets):
@@ -232,6 +234,7 @@ def find_late_samples(algorithm: Algorithm, samplers: Collection[str]) -> Iterat
     """
     network, names = algorithm.network, [instance.name for instance in algorithm.network.instances]
     late = {id(link) for link in algorithm.late_links()}
+    # an instance that follows another one passes on values: their source is further back
     into = {link.target: link for link in network.links if link.target in network.followers}
     for link in network.links:
         ways = [link]

@@ -46,7 +46,7 @@ class ActiveRun:
         resumed: The checkpoint from which the run continues.
         profiler: What measures the run from its first step on.
         interrupted: Whether Ctrl-C ended the last `advance`.
-        requested_end: What an FMU answered that ended the run by its own wish, which is no failure.
+        requested_end: What an FMU answered that ended the run by its own wish, which is not a failure.
         over: Whether `end` was called.
         wall_s: Wall time of the steps in s.
     """

@@ -13,7 +13,6 @@ from ..master.algorithms.algorithm import Algorithm
 from ..master.instances.described_instance import DescribedInstance
 from ..master.instances.event_mode_instance import EventModeInstance
 from ..master.network import Network
-from ..system.model import System
 from .coupling_summary import find_late_samples
 from .options import read_options
 from .registered import SEEDS
@@ -55,6 +54,7 @@ class HalfStep:
         Args:
             change: what half the step changed, as a multiple of what it may change.
         """
+        # the error of an exchange of order p falls with the p-th power of the step
         parts = next((n for n in _PARTS if float(n) ** self.order >= change), None)
         if parts is None:
             smaller = f"choose a --step-size far below {self.step / _PARTS[-1]:g}"
@@ -91,26 +91,24 @@ def halve_step(simulation: Simulation, options: Mapping[str, Any]) -> HalfStep:
         raise NotHalvedError("the step size is controlled")
     if isinstance(plan.options.algorithm, Algorithm):
         raise NotHalvedError("the algorithm is an object; choose one by its name")
+    # links and step multiples are known once the algorithm is set up
     simulation.start(recorders=[], **options)
     algorithm, system = simulation.stepping.algorithm, simulation.system
-    samplers = _find_samplers(algorithm, system)
+    declared = [component.name for component in system.components if component.samples]
+    samplers = {**dict.fromkeys(declared, 1), **algorithm.step_multiples}
     if (reason := _explain_change(algorithm, samplers)) is not None:
         raise NotHalvedError(reason)
     parameters = simulation.so_far().parameters
+    # random numbers that are drawn in each step differ with twice as many steps
     seeds = (seed for find in SEEDS for seed in find(parameters))
     if random := next((seed for seed in seeds if system.split(seed)[0].name not in samplers), None):
         raise NotHalvedError(f"{system.split(random)[0].name} draws random numbers in each step ({random})")
     step = plan.times.step
+    # rows at the same times as before, so that both runs can be compared
     halved: dict[str, Any] = {"step_size": 0.5 * step, "output_interval": plan.every * step}
     if samplers:
         halved["step_multiples"] = {sampler: 2 * n for sampler, n in samplers.items()}
     return HalfStep(halved, step, samplers, algorithm.accuracy, algorithm.exchange.holds)
-
-
-def _find_samplers(algorithm: Algorithm, system: System) -> dict[str, int]:
-    """Return the step multiples of components that sample, 1 for those without one."""
-    declared = [component.name for component in system.components if component.samples]
-    return {**dict.fromkeys(declared, 1), **algorithm.step_multiples}
 
 
 def _explain_change(algorithm: Algorithm, samplers: Mapping[str, int]) -> str | None:

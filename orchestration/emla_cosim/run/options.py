@@ -42,13 +42,11 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
 
     resolution: Resolution = dataclasses.field(default_factory=lambda: resolve(()))
 
-    def updated(self, given: Mapping[str, Any], where: str = "", folder: Path | None = None) -> "Options":
+    def updated(self, overrides: Mapping[str, Any]) -> "Options":
         """Return the options with other values.
 
         Args:
-            given: values by name, as `load` takes them.
-            where: what error messages call the place of the values.
-            folder: folder that relative paths refer to.
+            overrides: values by name, as `load` takes them.
 
         Raises:
             CommandError: a name does not exist, or a value has a wrong type or range.
@@ -58,7 +56,7 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
             >>> ec.Options().updated({"stop_time": "10 ms"}).stop_time
             0.01
         """
-        return self.merged(read_options(given, where, folder))
+        return self.merged(read_options(overrides))
 
     def merged(self, values: Mapping[str, Any]) -> "Options":
         """Return the options with values from `read_options`, which override earlier ones as in `resolve`."""
@@ -160,14 +158,14 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         return control
 
     def _instantiate(self, choice: str | _Kind, kinds: Mapping[str, type[_Kind]], noun: str) -> _Kind:
-        own_options = {n: v for n, v in self.class_options.items() if n in list_names(*kinds.values())}
+        options = {n: v for n, v in self.class_options.items() if n in list_names(*kinds.values())}
         if not isinstance(choice, str):
-            if own_options:
+            if options:
                 raise CommandError(
-                    f"the {noun} is an object with its own options; leave out {join_names(own_options)}."
+                    f"the {noun} is an object with its own options; leave out {join_names(options)}."
                 )
             return choice
-        for name in own_options:
+        for name in options:
             if name not in list_names(kinds[choice]):
                 owners = [n for n, kind in kinds.items() if name in list_names(kind)]
                 has = "has" if len(owners) == 1 else "have"
@@ -175,7 +173,7 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
                     f"the {noun} {choice} has no {list_options()[name].noun}; {join_names(owners)} {has}.",
                     option=name,
                 )
-        return kinds[choice](**own_options)
+        return kinds[choice](**options)
 
     def make_recorders(self) -> list[Recorder]:
         """Return the recorders of `RECORDERS` whose options are set."""
@@ -217,26 +215,27 @@ def _name_of(choice: str | _Kind, kinds: Mapping[str, type[_Kind]]) -> str:
     return next((n for n, k in kinds.items() if k is type(choice)), type(choice).__name__)
 
 
-def read_options(given: Mapping[str, Any], where: str = "", folder: Path | None = None) -> dict[str, Any]:
+def read_options(values: Mapping[str, Any], where: str = "", folder: Path | None = None) -> dict[str, Any]:
     """Read values of options by name and convert them to their types.
 
     Args:
-        given: Values by name of the option.
+        values: Values by name of the option.
         where: Source of the values, for error messages.
         folder: Folder to which paths in the values are relative.
 
     Raises:
         CommandError: If a name is unknown, or a value has a wrong type or range.
     """
-    known, of = list_options() if given else {}, f" of {where}" if where else ""
+    # one list for all values: collecting the options of all classes takes time
+    allowed, of = list_options() if values else {}, f" of {where}" if where else ""
     return {
-        name: read_option(name, value, f"'{name}'{of}" if of else f"the option '{name}'", folder, known)
-        for name, value in given.items()
+        name: read_option(name, value, f"'{name}'{of}" if of else f"the option '{name}'", folder, allowed)
+        for name, value in values.items()
     }
 
 
 def read_option(
-    name: str, value: Any, label: str, folder: Path | None = None, known: Mapping[str, Option] | None = None
+    name: str, value: Any, label: str, folder: Path | None = None, allowed: Mapping[str, Option] | None = None
 ) -> Any:
     """Convert the value of an option to its type.
 
@@ -245,14 +244,19 @@ def read_option(
         value: Value to read.
         label: Name of the value in error messages.
         folder: Folder to which paths in the value are relative.
-        known: Options to choose from. Default: all.
+        allowed: Options to choose from. Default: all.
 
     Raises:
-        CommandError: If the name is not in `known`, or the value has a wrong type or range.
+        CommandError: If the name is not in `allowed`, or the value has a wrong type or range.
     """
-    options = list_options() if known is None else known
+    options = list_options() if allowed is None else allowed
     if name not in options:
-        raise CommandError(f"there is no option '{name}'{_suggest_option(name, options)}", option=name)
+        longer = [n for n in options if n.startswith(f"{name}_")]
+        near = longer or difflib.get_close_matches(name, options, n=1)
+        advice = f"there are {join_names(sorted(options))}."
+        if near:
+            advice = f"did you mean {' or '.join(map(repr, near[:3]))}?"
+        raise CommandError(f"there is no option '{name}'; {advice}", option=name)
     option = options[name]
     takes, unit = option.takes, option.unit
     if option.alone and isinstance(value, bool):
@@ -273,13 +277,3 @@ def read_option(
     for part in converted if isinstance(converted, list) else [converted]:
         option.check(part)
     return converted
-
-
-def _suggest_option(name: str, options: Mapping[str, Option]) -> str:
-    longer = [n for n in options if n.startswith(f"{name}_")]
-    near = longer or difflib.get_close_matches(name, options, n=1)
-    return (
-        f"; did you mean {' or '.join(map(repr, near[:3]))}?"
-        if near
-        else f"; there are {join_names(sorted(options))}."
-    )

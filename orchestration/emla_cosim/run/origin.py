@@ -16,20 +16,21 @@ class RunOrigin:
     """The scenario of a run and the options that were set for it, by name.
 
     `source` is a name, or the absolute path of a file; None for a system made in Python. `sha256` is the
-    hash of that file, or None if it is no file. Paths among the options are absolute.
+    hash of that file, or None if it is not a file. Paths among the options are absolute.
     """
 
     source: str | None = None
     sha256: str | None = None
     overrides: Mapping[str, Any] = field(default_factory=dict)
 
-    def updated(self, given: Mapping[str, Any]) -> "RunOrigin":
+    def updated(self, values: Mapping[str, Any]) -> "RunOrigin":
         """Return the origin with further options from `read_options`, merged as by `resolve`."""
-        if not given:
+        if not values:
             return self
-        values = resolve([self.overrides, with_gains(given)]).values
-        names = [name for name in list_options() if name in values]
-        return replace(self, overrides={name: _make_absolute(name, values[name]) for name in names})
+        merged = resolve([self.overrides, with_gains(values)]).values
+        names = [name for name in list_options() if name in merged]
+        # a run may be repeated from another working folder
+        return replace(self, overrides={name: _make_absolute(name, merged[name]) for name in names})
 
 
 def read_origin(path: Path, content: bytes | None) -> RunOrigin:
@@ -38,9 +39,9 @@ def read_origin(path: Path, content: bytes | None) -> RunOrigin:
     return RunOrigin(str(get_working_folder() / path), digest)
 
 
-def with_gains(given: Mapping[str, Any]) -> Mapping[str, Any]:
+def with_gains(values: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return options in which a new controller gets its recommended gain set, unless one is set."""
-    return {"gains": None, **given} if given.get("controller") is not None else given
+    return {"gains": None, **values} if values.get("controller") is not None else values
 
 
 def _make_absolute(name: str, value: Any) -> Any:

@@ -87,6 +87,7 @@ def _read_column_values(data: DataTable, position: int, names: Names) -> dict[st
 def _check_value(element: NamedVariable, value: float) -> Value:
     """Return the value if the variable can have it. Raise CommandError otherwise."""
     component, variable = element.component, element.variable
+    # tables have floating-point numbers only, and other types refuse 2.0
     plain = value if variable.type == "Real" or not value.is_integer() else int(value)
     number = component.alias(element.name).transformation(plain) if component.aliases else plain
     convert_start_value(component.name, element.interface, variable, number)

@@ -156,6 +156,7 @@ def limit_to_data_end(options: Options) -> Options:
         return options
     start, stop = options.start_time or 0.0, end
     if options.step_size is not None and options.make_step_size_control().is_regular:
+        # rounding must not cost the last step
         steps = math.floor((end - start) / options.step_size * (1.0 + 1e-12) + 1e-9)
         stop = float(f"{start + steps * options.step_size:.12g}")
     if not stop > start:
@@ -167,7 +168,9 @@ def limit_to_data_end(options: Options) -> Options:
 
 def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str, Path]:
     """Return the FMU file of every component. Build built-in FMUs that are missing or out of date."""
-    models = {c.model: _block_of_file(c.model) for c in system.components if c.fmu is None}
+    models = {c.model: c.model for c in system.components if c.fmu is None}
+    # FILE.py:BLOCK names a block; other models stay as they are
+    models |= {m: find_block(m) for m in models if isinstance(m, str) and ".py:" in m}
     progress.begin("preparing", len(models) + 1)
     built = {}
     for block in models.values():
@@ -178,11 +181,6 @@ def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str
         )
         progress.advance(1)
     return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
-
-
-def _block_of_file(model: str | type) -> str | type:
-    """Return the block that FILE.py:BLOCK names; other models as they are."""
-    return find_block(model) if isinstance(model, str) and ".py:" in model else model
 
 
 def apply_parameter_files(

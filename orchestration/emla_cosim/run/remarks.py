@@ -63,15 +63,15 @@ def describe_disabled_event_mode(system: System) -> list[str]:
     return [f"{join_names(names)} {run} without event mode, as the option 'no_event_mode' says."]
 
 
-def choose_fallback_signals(others: Iterable[NamedVariable]) -> tuple[list[str], str]:
+def choose_fallback_signals(candidates: Iterable[NamedVariable]) -> tuple[list[str], str]:
     """Return what to record where no FMU has an output of a number, with a remark on it.
 
     These are the continuous states, else the local variables, at most `MOST`.
 
     Args:
-        others: Variables that the option `signals` can name.
+        candidates: Variables that the option `signals` can name.
     """
-    variables = [v for v in others if v.variable.type not in ("String", BINARY)]
+    variables = [v for v in candidates if v.variable.type not in ("String", BINARY)]
     rates = [(v.component.name, v.variable.derivative) for v in variables]
     states = {(component, state.name) for component, state in rates if state is not None}
     of_kind = {

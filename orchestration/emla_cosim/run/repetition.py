@@ -13,21 +13,22 @@ MOST = 8
 """Most differences to name."""
 
 
-def find_differences(before: Record, now: Record, given: Collection[str] = ()) -> list[str]:
+def find_differences(before: Record, now: Record, overrides: Collection[str]) -> list[str]:
     """List the differences between two runs by their run.json.
 
     Args:
         before: Record of the run that was repeated.
         now: Record of its repetition.
-        given: Settings that were changed on purpose, by their names in run.json. They are left out, like
+        overrides: Settings that were changed on purpose, by their names in run.json. They are left out, like
             settings that no run repeats.
 
     Returns:
         The differences as noun phrases. Unknown parts of `before` count as missing.
     """
     differences = [*_versions(before, now), *_source(before, now), *_fmus(before, now)]
-    differences += _settings(before, now, given)
-    if not differences and not given:
+    differences += _settings(before, now, overrides)
+    # one of these differences would explain other start values and connections
+    if not differences and not overrides:
         differences = list(_wiring(before, now))
     return differences
 
@@ -63,9 +64,9 @@ def _fmus(before: Record, now: Record) -> Iterator[str]:
     yield from (f"the component {name}, which no longer exists" for name in earlier if name not in current)
 
 
-def _settings(before: Record, now: Record, given: Iterable[str]) -> Iterator[str]:
+def _settings(before: Record, now: Record, overrides: Iterable[str]) -> Iterator[str]:
     earlier, current = _table(before, "settings"), _table(now, "settings")
-    may_differ = {*given, *(o.record for o in list_options().values() if not o.repeated)}
+    may_differ = {*overrides, *(o.record for o in list_options().values() if not o.repeated)}
     for name in (n for n in current if n in earlier and n not in may_differ):
         yield from _describe_change(f"the setting {name}", earlier[name], current[name])
 

@@ -20,9 +20,13 @@ if TYPE_CHECKING:
 
 
 def replace_component(
-    system: System, name: str, replacement: Replacement, other: Interface, interfaces: Mapping[str, Interface]
+    system: System,
+    name: str,
+    replacement: Replacement,
+    target: Interface,
+    interfaces: Mapping[str, Interface],
 ) -> tuple[System, CompatibilityReport]:
-    """Replace a component with an FMU that has the interface `other`.
+    """Replace a component with an FMU that has the interface `target`.
 
     Start values and results keep their names and units. Connections get those of the new FMU.
 
@@ -30,7 +34,7 @@ def replace_component(
         system: System to change.
         name: Component to replace.
         replacement: The FMU and its mapping.
-        other: Interface of the new FMU.
+        target: Interface of the new FMU.
         interfaces: Interfaces of the present FMUs, by component.
 
     Returns:
@@ -40,12 +44,13 @@ def replace_component(
         CommandError: If the mapping cannot be read, or names a variable that neither FMU has.
     """
     component, original = convert_to_fmu_terms(system.component(name)), interfaces[name]
-    entries = _entries(replacement, original, other)
-    matching = _VariableMatcher(system, component, original, other, entries)
+    entries = _entries(replacement, original, target)
+    matching = _VariableMatcher(system, component, original, target, entries)
     fit = CompatibilityReport(name, replacement.fmu, matching.matches, len(matching.same))
     if fit.problems:
         return system, fit
     remaining = {n: v for n, v in component.parameters.items() if n not in matching.left_out}
+    # the new FMU may not have the kind as which the old one ran
     changed = replace(
         component, model="", fmu=replacement.fmu, parameters=remaining, aliases=matching.aliases, kind=""
     )
@@ -61,6 +66,7 @@ def _reconnect(
     arriving = component.aliases.get(connection.input) if connection.target == component.name else None
     if leaving is None and arriving is None:
         return connection
+    # first, as it needs the names and units of the old FMU
     between = find_transformation(connection, interfaces)
     if leaving is not None:
         between = between.after(leaving.transformation.inverse())
@@ -71,7 +77,7 @@ def _reconnect(
     return replace(connection, transformation=between)
 
 
-def _entries(replacement: Replacement, original: Interface, other: Interface) -> "dict[str, MappingEntry]":
+def _entries(replacement: Replacement, original: Interface, target: Interface) -> "dict[str, MappingEntry]":
     path = replacement.mapping
     if path is None:
         return {}
@@ -81,7 +87,7 @@ def _entries(replacement: Replacement, original: Interface, other: Interface) ->
     content = read_file(path, "the mapping")
     entries: dict[str, MappingEntry] = {}
     for entry in parse_mapping(content, str(path)):
-        for name, interface in ((entry.source, original), (entry.target, other)):
+        for name, interface in ((entry.source, original), (entry.target, target)):
             if name not in interface.variables:
                 model = interface.description.modelName
                 raise CommandError(f"the mapping '{path}' names '{name}', which {model} does not have.")
@@ -104,10 +110,10 @@ class _VariableMatcher:
         system: System,
         component: Component,
         original: Interface,
-        other: Interface,
+        target: Interface,
         entries: "Mapping[str, MappingEntry]",
     ) -> None:
-        self._original, self._other, self._entries = original, other, entries
+        self._original, self._new, self._entries = original, target, entries
         self._mapped_targets = {entry.target for entry in entries.values()}
         self.aliases: dict[str, Alias] = {}
         self.matches: list[VariableMatch] = []
@@ -136,7 +142,7 @@ class _VariableMatcher:
 
     def _needed(self, kind: str, name: str) -> None:
         """Match a variable that is connected."""
-        variable = self._other.variables.get(self._target(name))
+        variable = self._new.variables.get(self._target(name))
         if variable is None:
             self._add_note(kind, name, "", "is missing", fatal=True)
         elif variable.causality != kind or variable.type != self._original.variables[name].type:
@@ -150,7 +156,7 @@ class _VariableMatcher:
             return  # it may belong to the new FMU; setting it reports that
         parameter = self._original.variables[name].causality == "parameter"
         kind = "parameter" if parameter else "start value"
-        variable = self._other.variables.get(self._target(name))
+        variable = self._new.variables.get(self._target(name))
         if variable is None:
             self.left_out.add(name)
             self._add_note(kind, name, "", "is left out")
@@ -160,7 +166,7 @@ class _VariableMatcher:
     def _report_connected(self, connected: Sequence[str]) -> None:
         """Match outputs that are not connected but recorded under the old names."""
         for name, variable in self._original.variables.items():
-            replacement_variable = self._other.variables.get(self._target(name))
+            replacement_variable = self._new.variables.get(self._target(name))
             if variable.causality != "output" or name in connected or replacement_variable is None:
                 continue
             if (
@@ -172,21 +178,21 @@ class _VariableMatcher:
     def _free(self, inputs: Sequence[str]) -> Iterator[VariableMatch]:
         """Match inputs of the new FMU that nothing drives."""
         driven = {self._target(name) for name in inputs}
-        for name, variable in self._other.variables.items():
+        for name, variable in self._new.variables.items():
             if variable.causality == "input" and name not in driven:
-                yield VariableMatch("input", "", self._with_unit(name, self._other), "keeps its start value")
+                yield VariableMatch("input", "", self._with_unit(name, self._new), "keeps its start value")
 
     def _unused(self) -> Iterator[VariableMatch]:
         """Match outputs and parameters of the new FMU that a mapping could still name."""
         used = {*self._mapped_targets, *self.same}
-        for name, variable in self._other.variables.items():
+        for name, variable in self._new.variables.items():
             if variable.causality in ("output", "parameter") and name not in used:
-                yield VariableMatch(variable.causality, "", self._with_unit(name, self._other), "is not used")
+                yield VariableMatch(variable.causality, "", self._with_unit(name, self._new), "is not used")
 
     def _converted(self, kind: str, name: str, variable: ModelVariable) -> None:
         if name in self.aliases:
             return  # an output that also has a start value
-        old_unit, new_unit = self._original.unit(name), self._other.unit(variable.name)
+        old_unit, new_unit = self._original.unit(name), self._new.unit(variable.name)
         try:
             transformation = self._transformation(name, old_unit, new_unit)
             if transformation.factor == 0.0 and variable.causality == "output":
@@ -211,7 +217,7 @@ class _VariableMatcher:
         return linear.after(convert_documents_units(f"the replacement of {name}", old_unit, new_unit))
 
     def _add_note(self, kind: str, old_text: str, new_text: str, verdict: str, fatal: bool = False) -> None:
-        their = self._with_unit(new_text, self._other) if new_text else ""
+        their = self._with_unit(new_text, self._new) if new_text else ""
         self.matches.append(
             VariableMatch(kind, self._with_unit(old_text, self._original), their, verdict, fatal)
         )

@@ -26,6 +26,7 @@ _COMPARISONS = {
     "<": operator.lt,
     ">": operator.gt,
 }
+# the longer signs come first, because < would match the beginning of <=
 _SIGN = re.compile(f"({'|'.join(_COMPARISONS)})")
 _WORDS = {"true": True, "false": False}
 
@@ -52,9 +53,9 @@ class Requirement:
 
 
 def split_condition(text: str) -> tuple[str, str, str]:
-    """Return the parts of a condition around its comparison; empty ones if it is no condition."""
-    left, sign, right, *more = [part.strip() for part in _SIGN.split(text)] + ["", ""]
-    return ("", "", "") if any(more) else (left, sign, right)
+    """Return the parts of a condition around its comparison; empty ones if it is not a condition."""
+    figure, sign, value, *more = [part.strip() for part in _SIGN.split(text)] + ["", ""]
+    return ("", "", "") if any(more) else (figure, sign, value)
 
 
 def parse_requirement(text: str) -> Requirement:
@@ -126,6 +127,7 @@ def _format_value(figure: Any, required: Requirement) -> str:
         return "it is missing"
     if isinstance(figure, bool):
         return f"it is {str(figure).lower()}"
+    # a rounded figure could look as if it met the requirement
     rounded = f"{figure:.6g}"
     return f"it is {repr(figure) if rounded == f'{required.value:.6g}' else rounded}"
 
@@ -174,6 +176,7 @@ def resolve_stop_conditions(
         signal, sign, right = split_condition(text)
         is_quantity = has_unit(right)
         try:
+            # the unit of a quantity is known once the signal is: 0 stands in until then
             condition = parse_requirement(f"{signal} {sign} 0" if is_quantity else text)
         except CommandError as error:
             raise CommandError(

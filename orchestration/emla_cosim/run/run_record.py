@@ -42,6 +42,7 @@ class RunDefinition:
     @property
     def checkpoint_identity(self) -> dict[str, Any]:
         """What must be equal to continue a run, by its name in messages."""
+        # without the stop time: a run can continue beyond it
         times = {"start time": self.options.start_time or 0.0, "step size": self.options.step_size}
         return {**self._system, **self.values(lambda o: o.identity), **times}
 

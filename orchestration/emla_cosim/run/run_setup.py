@@ -119,10 +119,11 @@ def steps_per_row(options: Options, times: CommunicationPoints) -> int:
             f"an output interval of {row_interval:g} s makes more than {MAXIMUM_STEPS:g} rows."
         )
     if not options.make_step_size_control().is_regular:
-        return 1
+        return 1  # the control makes steps that end at the rows
     if _is_short(options, times):
         return max(times.steps // MANY_ROWS, 1)
     steps = round(min(row_interval / times.step, 1e18))  # the quotient may be infinite
+    # decimal fractions such as 1e-4 are not exact in binary
     if steps >= 1 and abs(steps * times.step - row_interval) <= 1e-9 * row_interval:
         return steps
     if interval is None:

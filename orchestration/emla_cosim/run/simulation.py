@@ -29,7 +29,6 @@ from ..recorders.metrics import default_roles
 from ..recorders.recorder import Recorder
 from ..stepper.library import require_stepper
 from ..system.model import System, count_parts, render_cell
-from ..system.names import Names
 from .execution import ActiveRun, CouplingEstimates
 from .option_types import RunOptions
 from .options import Options, list_options, read_options
@@ -166,7 +165,7 @@ class Simulation:
 
     def _complete(self, name: str) -> str:
         """Return the full name of a variable of the main component; other names unchanged."""
-        matching = self._names.match(name) if self.system.main_name else []
+        matching = self._assembly.names.match(name) if self.system.main_name else []
         return matching[0].full_name if len(matching) == 1 else name
 
     @cached_property
@@ -179,22 +178,18 @@ class Simulation:
     def _resolve_stop_conditions(self, texts: Sequence[str]) -> list[Requirement]:
         if not texts:
             return []
-        signals = (self._names.find(name) for name in (*self.names, *self.further_names))
+        signals = (self._assembly.names.find(name) for name in (*self.names, *self.further_names))
         units = {signal.full_name: signal.unit for signal in signals if not signal.column_type.is_text}
         return resolve_stop_conditions(texts, units, self.system.main_name)
 
     def further_units(self) -> dict[str, SiUnit | None]:
         """Return the unit of each of `further_names`; None if the FMU declares none."""
-        return {name: self._names.find(name).unit for name in self.further_names}
+        return {name: self._assembly.names.find(name).unit for name in self.further_names}
 
     @cached_property
     def units(self) -> Mapping[str, SiUnit | None]:
         """Unit of each signal by name; None if the FMU declares none."""
-        return {name: self._names.find(name).unit for name in self._assembly.outputs}
-
-    @property
-    def _names(self) -> Names:
-        return self._assembly.names
+        return {name: self._assembly.names.find(name).unit for name in self._assembly.outputs}
 
     def run(
         self,
@@ -311,10 +306,12 @@ class Simulation:
             plan = replace(plan, stored=plan.stored.of_component(only))
         for span in self._data:
             span.check_overlap(plan.times.start, plan.times.stop)
+        # only now: a wrong option must not end the current run
         self._discard_run()
+        # the system has those of the simulation already
         changes = {name: run_options.set[name] for name in values.get("set", {})}
         followers = following_values(self._initial_system, run_options) if changes else {}
-        system = self.system.with_parameters(self._names.start_values(changes) | followers)
+        system = self.system.with_parameters(self._assembly.names.start_values(changes) | followers)
         with show_paths_relative_to(self._unpacked):
             integrator = IntegratorSettings(
                 method=run_options.integrator, largest=run_options.integrator_step
@@ -415,7 +412,7 @@ class Simulation:
         with self._reserve(during_run=True):
             if self._run is None:
                 self.start()
-            variable = self._names.find(name)
+            variable = self._assembly.names.find(name)
             value = self._assembly.instances[variable.component.name].value(variable.variable)
             to_fmu = variable.component.alias(variable.name).transformation
             return to_fmu.inverse()(value) if to_fmu != IDENTITY else value
@@ -435,12 +432,12 @@ class Simulation:
         with self._reserve(during_run=True):
             if self._run is None:
                 self.start()
-            target = self._names.find(name)
+            target = self._assembly.names.find(name)
             if target.variable.causality != "input":
                 raise CommandError(
                     f"{name} cannot be set during a run: it is not an input. Set start values with `set`."
                 )
-            self._names.resolve(name)
+            self._assembly.names.resolve(name)
             if isinstance(stepping := self.stepping, FixedSteps):
                 stepping.note_change()
             component = target.component
@@ -472,10 +469,10 @@ class Simulation:
             self._is_in_use = is_in_use
             self._lock.release()
 
-    def _read_options(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _read_options(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
         """Read the options of a run. Raise CommandError for options that only `prepare` accepts."""
-        options = list_options() if given else {}
-        for option in (options[name] for name in given if name in options):
+        options = list_options() if values else {}
+        for option in (options[name] for name in values if name in options):
             if option.is_prepared:
                 raise CommandError(
                     f"the option '{option.name}' cannot change between runs; pass it to `prepare`."
@@ -486,7 +483,7 @@ class Simulation:
                 )
             if option.stage == SHARING:
                 raise CommandError(f"the option '{option.name}' is for sweeps, comparisons and tunings.")
-        return read_options(given)
+        return read_options(values)
 
     def _end(self) -> tuple[Result, RunError | None]:
         """End the current run. Return its result, and its error if it failed or misses a requirement."""
@@ -495,6 +492,7 @@ class Simulation:
         with self._discard_on_error():
             run.end()
         self._run, self._last_run = None, run
+        # it may step the FMUs again, in which one can fail
         with self._discard_on_error():
             error = self._coupling_estimates.estimate(run)
         self._needs_new_instances = run.error is not None or self._coupling_estimates.has_failed
@@ -513,7 +511,7 @@ class Simulation:
 
     @contextlib.contextmanager
     def _discard_on_error(self) -> Iterator[None]:
-        """Discard the run and end its recorders if an error is raised that is no failure of the run."""
+        """Discard the run and end its recorders if an error is raised that is not a failure of the run."""
         try:
             yield
         except BaseException:

@@ -9,7 +9,6 @@ from typing import Any
 from ..base.errors import CommandError
 from ..base.units import IDENTITY
 from ..inputs.events import input_events, row_distance
-from ..master.algorithms.algorithm import Algorithm
 from ..master.assembly import Assembly
 from ..master.stepping.checkpoint import Checkpoint, prepare_checkpoint
 from ..master.stepping.profiler import Profiler
@@ -60,6 +59,7 @@ def wire_run(
         stepping = _make_stepping(plan, system, assembly)
         on_error.callback(close_stepping, stepping)
         energies = _make_energies(plan, system, assembly)
+        # run.json names the bonds that patterns have selected
         options = replace(options, bonds={name: str(bond) for name, bond in energies.bonds.items()})
         plan = replace(plan, options=options)
         fmus = {name: file.sha256 for name, file in assembly.files.items()}
@@ -157,6 +157,7 @@ def _make_outline(plan: RunPlan, assembly: Assembly, stepping: Stepping) -> Outl
     names = [*network.names, *network.observer.names]
     position = {name: i for i, name in enumerate(names)}
     signals = [assembly.names.find(name) for name in names]
+    pairs = zip(network.instances, algorithm.multiples, strict=True)
     types = {name: signal.column_type for name, signal in zip(names, signals, strict=True)}
     return Outline(
         names,
@@ -167,17 +168,11 @@ def _make_outline(plan: RunPlan, assembly: Assembly, stepping: Stepping) -> Outl
         assembly.parameters(),
         options.roles,
         options.criteria,
-        multiples=_list_multiples(algorithm),
+        multiples={x.name: int(n) for x, n in pairs if n > 1},
         types={n: t for n, t in types.items() if t.is_discrete and position[n] not in assembly.shown},
         texts=network.observer.texts,
         notes=stepping.notes(),
     )
-
-
-def _list_multiples(algorithm: Algorithm) -> dict[str, int]:
-    """Return the step multiples by component, without those that are 1."""
-    pairs = zip(algorithm.network.instances, algorithm.multiples, strict=True)
-    return {instance.name: int(multiple) for instance, multiple in pairs if multiple > 1}
 
 
 def _resolve_requirements(
@@ -186,6 +181,7 @@ def _resolve_requirements(
     """Return the requirements with full names. Raise CommandError for figures that do not exist."""
     if not plan.requirements:
         return ()
+    # one of its own, because that of the run begins with the run
     recorder = MetricsRecorder()
     recorder.begin(outline)
     kinds: dict[str, Figures] = {**recorder.figures(), SIGNALS: recorder.signals()}

@@ -7,6 +7,7 @@ import re
 import weakref
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,37 +34,37 @@ _LONGEST = 60
 """Most letters of a component's name."""
 
 
-def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Scenario:
+def load_scenario(source: "str | Path | System", overrides: Mapping[str, Any]) -> Scenario:
     """Load a scenario.
 
     Args:
         source: Name of a built-in scenario, a `System`, or a path: a scenario file (.toml); an SSP (package,
             folder or SSD, with `#Variant.ssd` for another SSD than the default); an FMU; or the run.json of a
             run to repeat.
-        given: Options by name.
+        overrides: Options by name.
 
     Raises:
         CommandError: If the source or an option is wrong.
     """
     if isinstance(source, System):
-        return Scenario("system", "", source).with_options(given)
+        return Scenario("system", "", source).with_options(overrides)
     if not isinstance(source, (str, Path)):
         raise CommandError(f"a scenario is a name, a path or a System, not {source!r}.")
     name, path = str(source), Path(source)
     if name in SCENARIOS:
-        return _load_scenario_file(find_built_in(name), name, given, RunOrigin(name))
+        return _load_scenario_file(find_built_in(name), name, overrides, RunOrigin(name))
     if path.suffix.lower() == ".toml":
         text = read_text(path, "the scenario")
         read = parse_scenario(text, str(path), path.parent)
-        return _load_scenario_file(read, path.stem, given, read_origin(path, text.encode()))
+        return _load_scenario_file(read, path.stem, overrides, read_origin(path, text.encode()))
     if path.suffix.lower() == ".json":
-        recorded = load_recorded_run(path, given)
-        return load_scenario(recorded.source, recorded.with_options(given))
+        recorded = load_recorded_run(path, overrides)
+        return load_scenario(recorded.source, recorded.with_options(overrides))
     read = ScenarioFile("", "", {}, str(path), Path())
     if is_fmu(path):
-        return _load_fmu(path, None, read, given, _package_origin(path))
+        return _load_fmu(path, None, read, overrides, _package_origin(path))
     if _is_ssp(path):
-        return _load_ssp(path, None, read, given, _package_origin(path))
+        return _load_ssp(path, None, read, overrides, _package_origin(path))
     raise CommandError(
         f"there is no scenario '{name}'; choose from {join_names(SCENARIOS)}, or name a file that ends in "
         ".toml, .ssp, .ssd or .fmu, or the run.json of a run.",
@@ -73,31 +74,26 @@ def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Sc
 
 
 def _load_scenario_file(
-    read: ScenarioFile, name: str, given: Mapping[str, Any], origin: RunOrigin
+    read: ScenarioFile, name: str, overrides: Mapping[str, Any], origin: RunOrigin
 ) -> Scenario:
-    """Return the scenario of a file. Its options override the defaults; `given` overrides both."""
+    """Return the scenario of a file. Its options override the defaults; `overrides` override both."""
     described = _find_system_file(read)
     if described is None:
         file = read.folder / read.system
         if is_fmu(file):
-            return _load_fmu(file, name, read, given, origin)
+            return _load_fmu(file, name, read, overrides, origin)
         if not _is_ssp(file):
             raise CommandError(
                 f"the scenario '{read.where}' names the system '{read.system}', which is neither an SSP, "
                 f"nor an FMU, nor a joint file, nor one of {join_names(SYSTEMS)}."
             )
-        return _load_ssp(file, name, read, given, origin)
-    options = Options()
-    layers = (read,) if described is read else (described, read)
-    for layer in layers:
-        options = options.merged(with_gains(layer.options))
-    values = read_options(given)
-    options = options.merged(with_gains(values))
-    if described.defaults is not None:
-        options = Options().merged(described.defaults(options))
-        for layer in layers:
-            options = options.merged(with_gains(layer.options))
-        options = options.merged(with_gains(values))
+        return _load_ssp(file, name, read, overrides, origin)
+    values = read_options(overrides)
+    files = (read,) if described is read else (described, read)
+    layers = [with_gains(layer) for layer in (*(file.options for file in files), values)]
+    options = reduce(Options.merged, layers, Options())
+    if described.defaults is not None:  # they depend on the options, which override them
+        options = reduce(Options.merged, layers, Options().merged(described.defaults(options)))
     made_of: dict[str, Any] = {}
     if options.mode is not None:
         if described.defaults is None:
@@ -158,21 +154,21 @@ def _remarks(system: System, options: Options) -> list[str]:
     return [note for remark in REMARKS for note in remark(system, options)]
 
 
-def _refuse_of_built_in(read: ScenarioFile, given: Mapping[str, Any]) -> None:
+def _refuse_of_built_in(read: ScenarioFile, overrides: Mapping[str, Any]) -> None:
     """Raise CommandError if an option for built-in systems is set for another system."""
     for name, option in list_options().items():
-        if option.makes and (name in given or name in read.options):
+        if option.makes and (name in overrides or name in read.options):
             raise CommandError(
                 f"'{read.where}' has its own {option.makes}; {option.flag} is for built-in systems."
             )
 
 
 def _load_fmu(
-    path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: RunOrigin
+    path: Path, name: str | None, read: ScenarioFile, overrides: Mapping[str, Any], origin: RunOrigin
 ) -> Scenario:
     """Return the scenario of an FMU, with the options of a scenario file."""
-    _refuse_of_built_in(read, given)
-    values = read_options(given)
+    _refuse_of_built_in(read, overrides)
+    values = read_options(overrides)
     options = Options().merged(read.options).merged(values)
     with accept_faults(options.lenient):  # preparing lists them
         interface = read_interface(path)
@@ -202,32 +198,30 @@ def _fmu_times(interface: Interface, options: Options) -> tuple[dict[str, float]
     declared = read_times(interface)
     times, notes = choose_times(declared, options, "FMU")
     start, stop, step = times.start or 0.0, times.stop or 0.0, times.step or 0.0
-    option_values = (options.start_time, options.stop_time, options.step_size)
-    if option_values == (None, None, None) and step == declared.step and not _is_multiple(stop - start, step):
-        fitting = (stop - start) / math.ceil((stop - start) / step)
+    option_values, span = (options.start_time, options.stop_time, options.step_size), stop - start
+    is_declared = option_values == (None, None, None) and step == declared.step
+    if is_declared and abs(round(span / step) * step - span) > 1e-9 * span:
+        fitting = span / math.ceil(span / step)
         notes.append(f"its steps of {step:g} s do not end at {stop:g} s; the run uses steps of {fitting:g} s")
         step = fitting
     return {"start_time": start, "stop_time": stop, "step_size": step}, notes
 
 
-def _is_multiple(span: float, step: float) -> bool:
-    return abs(round(span / step) * step - span) <= 1e-9 * span
-
-
 def _load_ssp(
-    path: Path, name: str | None, read: ScenarioFile, given: Mapping[str, Any], origin: RunOrigin
+    path: Path, name: str | None, read: ScenarioFile, overrides: Mapping[str, Any], origin: RunOrigin
 ) -> Scenario:
     """Return the scenario of an SSP, with the options of a scenario file."""
     from ...ssp.reader.flat_document import read_ssp
 
-    _refuse_of_built_in(read, given)
+    _refuse_of_built_in(read, overrides)
     resources = contextlib.ExitStack()
     of_file = Options().merged(read.options)
-    values = read_options(given)
+    values = read_options(overrides)
     with accept_faults(of_file.merged(values).lenient) as faults:
         document = resources.enter_context(read_ssp(path))
-        weakref.finalize(document, resources.close)
+        weakref.finalize(document, resources.close)  # it names unpacked FMUs
         times, notes = _times(document, of_file.merged(values))
+    # a scenario file overrides the times of the package
     options = Options().updated(times).merged(read.options)
     return Scenario(
         name or document.name,

@@ -22,20 +22,20 @@ class RecordedRun:
     overrides: Mapping[str, Any]
     content: Mapping[str, Any]
 
-    def with_options(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the recorded options, overridden by `given`. Raise CommandError for wrong options."""
-        return RunOrigin(overrides=self.overrides).updated(read_options(given)).overrides
+    def with_options(self, overrides: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the recorded options, overridden by others. Raise CommandError for wrong options."""
+        return RunOrigin(overrides=self.overrides).updated(read_options(overrides)).overrides
 
 
-def load_recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
+def load_recorded_run(path: Path, overrides: Mapping[str, Any]) -> RecordedRun:
     """Load the run with this run.json to repeat it.
 
     Args:
         path: Path of run.json.
-        given: Options that override the recorded ones.
+        overrides: Options that override the recorded ones.
 
     Raises:
-        CommandError: If the file is no run.json, if its run ended too early to have settings, or if the
+        CommandError: If the file is not a run.json, if its run ended too early to have settings, or if the
             system or an option was an object of Python.
     """
     where = f"the record '{path}'"
@@ -58,7 +58,8 @@ def load_recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
         raise CommandError(f"{where} has the source {source!r}; it must be the name or path of a scenario.")
     if not isinstance(changed, dict):
         raise CommandError(f"{where} has no table 'changed' of the options.")
-    replaced = {name for name, value in given.items() if not isinstance(value, Mapping)}
+    # tables are merged with the recorded ones, so those must be readable
+    replaced = {name for name, value in overrides.items() if not isinstance(value, Mapping)}
     remaining = {name: value for name, value in changed.items() if name not in replaced}
     _check(remaining, where)
     return RecordedRun(source, read_options(select_repeatable(remaining), where), content)

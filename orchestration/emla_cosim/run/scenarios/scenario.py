@@ -84,24 +84,24 @@ class Scenario:
         """Return what a notebook shows: description, times, notes and system."""
         return render_cell(self.system, self.name, self.description, describe_times(self.options), self.notes)
 
-    def with_options(self, given: Mapping[str, Any]) -> "Scenario":
+    def with_options(self, overrides: Mapping[str, Any]) -> "Scenario":
         """Return the scenario with other options, and with the notes that belong to them.
 
         Args:
-            given: values by name, as for `load`.
+            overrides: values by name, as for `load`.
 
         Raises:
             CommandError: an option does not fit, or it decides how the system is made, such as `controller`.
         """
-        if not given:
+        if not overrides:
             return self
         for name, option in list_options().items():
-            if name in given and option.makes:
+            if name in overrides and option.makes:
                 raise CommandError(
                     f"the system of '{self.name}' exists already; set {name} when you load the scenario.",
                     option=name,
                 )
-        values = read_options(given)
+        values = read_options(overrides)
         options = self.options.merged(values)
         notes = self.notes_with(options)
         return replace(self, options=options, notes=notes, origin=self.origin.updated(values))
@@ -170,11 +170,13 @@ class Scenario:
             >>> ec.load("lift").export("lift.ssp").name
             'lift.ssp'
         """
+        # an exported system has no data that could end it
         limited_options = limit_to_data_end(self.with_options(options).options)
         kind = find_kind(Path(file))
         refuse_unsuited(kind, _list_asked_for(limited_options))
         if kind != SSP:
             require_extra("build", f"writing a file '*{kind}'")
+        # before FMUs are built, which takes minutes
         if kind == FMU:
             from ...container.writer import check_container
 
@@ -192,12 +194,9 @@ class Scenario:
         with show_paths_relative_to(self.unpacked), accept_faults(limited_options.lenient) as faults:
             faults.merge(self.accepted)
             built = limited_options
-            if (
-                kind != SSP and limited_options.platform
-            ):  # this machine starts the FMUs to read their initial values
-                built = replace(
-                    limited_options, platform=sorted({*limited_options.platform, host_platform()})
-                )
+            if kind != SSP and built.platform:
+                # this machine starts the FMUs to read their initial values
+                built = replace(built, platform=sorted({*built.platform, host_platform()}))
             prepared = prepare_system(self.system, built, progress)
             system, fmus = prepared.system, prepared.fmus
             system = replace(system, bonds={**system.bonds, **limited_options.read_bonds()})
@@ -279,9 +278,9 @@ def find_kind(file: Path) -> str:
     return end if end in NAMES else SSP
 
 
-def refuse_unsuited(kind: str, given: Collection[str]) -> None:
-    """Raise CommandError if an option was given that a kind of file has no place for."""
-    if unsuited := [name for name in _NOT_IN[kind] if name in given]:
+def refuse_unsuited(kind: str, options: Collection[str]) -> None:
+    """Raise CommandError if an option is set that a kind of file has no place for."""
+    if unsuited := [name for name in _NOT_IN[kind] if name in options]:
         flag = list_options()[unsuited[0]].flag
         ends = [end for end, names in _NOT_IN.items() if unsuited[0] not in names]
         raise CommandError(
