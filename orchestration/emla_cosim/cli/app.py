@@ -72,6 +72,7 @@ class _Commands(click.Group):
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Run a command and exit. A wrong command line gives one error message and the exit code 2."""
         try:
+            # in its standalone mode, click would print messages of its own and exit
             code = super().main(*args, standalone_mode=False, **extra)
         except click.Abort as error:
             raise KeyboardInterrupt from error
@@ -108,6 +109,7 @@ class _Commands(click.Group):
             raise click.UsageError(
                 f"there is no command '{name}'; {suggest_names(name, COMMANDS, most=20)}", ctx
             )
+        # importing the module of a command takes too long for a key press
         if name in COMMANDS and ctx.resilient_parsing and not remaining:
             return name, _FirstArgument(name), remaining
         return super().resolve_command(ctx, args)

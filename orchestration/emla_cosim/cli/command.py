@@ -33,7 +33,7 @@ class Command(click.Command):
 
     Args:
         name: Name of the command.
-        about: One sentence for the help.
+        about: Text for the help.
         module: Module of the command.
         is_answer: Whether `--quiet` has no effect, because the output is the purpose of the command.
         settings: Settings of the context.

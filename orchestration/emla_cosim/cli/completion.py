@@ -44,9 +44,8 @@ def _match(names: Callable[[], Iterable[object]], incomplete: str) -> list[Compl
 
 
 def _list_scenarios() -> Iterable[str]:
-    machines = (
-        name for name in _list_study_files("machines") if name != "hdrm"
-    )  # it has one scenario for each mode
+    # hdrm has one scenario for each mode
+    machines = (name for name in _list_study_files("machines") if name != "hdrm")
     return sorted([*_list_study_files("scenarios"), *_list_study_files("joints"), *machines])
 
 

@@ -91,7 +91,8 @@ def _run() -> None:
         ignore_interrupts()
         for stream in (sys.stdout, sys.stderr):
             if not _can_write(stream):  # already reported; Python would exit with another code
-                _redirect_to_null(stream)
+                with Path(os.devnull).open("w") as nowhere:
+                    os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def _read_memory_limit() -> int | None:
@@ -117,18 +118,14 @@ def _silence_libraries() -> None:
 
 
 def _handle_end(how: str) -> None:
+    """Complete the results of a run whose process ended; of other commands, print why it ended."""
     ended = time.monotonic()
     command = _find_command(sys.argv[1:])
-    if command not in RUNS:
-        _report_end(command, how)
+    if command in RUNS:
+        from .commands.crash_rescue import rescue_results
+
+        rescue_results(how, ended)
         return
-    from .commands.crash_rescue import rescue_results
-
-    rescue_results(how, ended)
-
-
-def _report_end(command: str, how: str) -> None:
-    """Print why the process of a command ended."""
     if how in {number.name for number in POLITE}:  # it ended before its own handler was set
         sys.stderr.write("Interrupted.\n")
         return
@@ -161,11 +158,6 @@ def _can_write(stream: TextIO, text: str = "") -> bool:
     except OSError:
         return False
     return True
-
-
-def _redirect_to_null(stream: TextIO) -> None:
-    with Path(os.devnull).open("w") as nowhere:
-        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def _exit_interrupted() -> None:

@@ -67,22 +67,28 @@ class Diagram:
 
 def link_components(connections: Iterable[Connection]) -> list[ComponentLink]:
     """Return the connections of a system, grouped by their components."""
-    ends: dict[tuple[str, str], list[tuple[str, str]]] = {}
-    for x in connections:
-        ends.setdefault((x.source, x.target), []).append((x.output, x.input))
-    return [ComponentLink(a, b, tuple(signals)) for (a, b), signals in ends.items()]
+    return _group_by_ends(((x.source, x.target), (x.output, x.input)) for x in connections)
 
 
 def group_connections(components: Iterable[str], connections: Sequence[str]) -> list[ComponentLink]:
     """Return the connections in run.json between these components, without invalid entries."""
+    # one component's name can begin with that of another one and a dot
     longest_first = sorted(components, key=len, reverse=True)
-    signals_by_ends: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    ends = []
     for text in connections:
         source, _, target = text.partition(" -> ")
         a, b = _split(source, longest_first), _split(target.partition(" ")[0], longest_first)
         if a is not None and b is not None:
-            signals_by_ends.setdefault((a[0], b[0]), []).append((a[1], b[1]))
-    return [ComponentLink(a, b, tuple(signals)) for (a, b), signals in signals_by_ends.items()]
+            ends.append(((a[0], b[0]), (a[1], b[1])))
+    return _group_by_ends(ends)
+
+
+def _group_by_ends(links: Iterable[tuple[tuple[str, str], tuple[str, str]]]) -> list[ComponentLink]:
+    """Return one link for each pair of components, from pairs of components and of their signals."""
+    signals: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for ends, signal in links:
+        signals.setdefault(ends, []).append(signal)
+    return [ComponentLink(*ends, tuple(grouped)) for ends, grouped in signals.items()]
 
 
 def _split(path: str, components: Sequence[str]) -> tuple[str, str] | None:
@@ -116,17 +122,14 @@ def build_diagrams(components: Mapping[str, str], wires: Sequence[ComponentLink]
 
 def _link_parts(wires: Iterable[ComponentLink]) -> list[ComponentLink]:
     """Return the connections between parts."""
-    signals_by_parts: dict[tuple[str, str], tuple[tuple[str, str], ...]] = {}
-    for wire in wires:
-        ends = wire.source.partition(".")[0], wire.target.partition(".")[0]
-        if ends[0] != ends[1]:
-            signals_by_parts[ends] = signals_by_parts.get(ends, ()) + wire.signals
-    return [ComponentLink(*ends, signals) for ends, signals in signals_by_parts.items()]
+    ends = [((w.source.partition(".")[0], w.target.partition(".")[0]), w.signals) for w in wires]
+    return _group_by_ends((parts, x) for parts, signals in ends if parts[0] != parts[1] for x in signals)
 
 
 def _build_diagram(title: str, components: Mapping[str, str], wires: Sequence[ComponentLink]) -> Diagram:
     system = add_coordinates(_build_structure(components, wires))
     elements = {e.name: e for e in system.elements}
+    # the same part of each joint has the same color
     kinds = list(dict.fromkeys(name.rpartition(".")[2] for name in components))
     colors = {n: _COLORS[kinds.index(n.rpartition(".")[2]) % len(_COLORS)] for n in components}
     boxes = tuple(_build_box(e, components[name], colors[name]) for name, e in elements.items())

@@ -104,6 +104,7 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
         raise CommandError(f"'{data[0]}' has data, for which there are only --fmi, --platform and --output.")
     if len(blocks) > 1 and (parameters.set or parameters.fix or parameters.hide):
         raise CommandError("--set, --fix and --hide are for one model; name it.")
+    # all mistakes are reported before the first FMU is built
     for model in blocks.values():
         check_disclosure(model, flavour, output, disclosure, fmi, parameters.clock)
     overwrite = options.get("overwrite", False)
@@ -125,6 +126,7 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
     with BarProgress() as progress:
         paths, notes = [], []
         for name, model in blocks.items():
+            # an FMU of the flavour python contains the binaries of PythonFMU for all platforms
             progress.begin(name, len(platforms) if flavour == "native" else 1)
             on_platform = partial(progress.advance, 1)
             settings = overwrite, disclosure, fmi, parameters.clock

@@ -87,7 +87,7 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
     name = Path(parameters.scenario).stem
     if parameters.table == CERTIFICATE:
         _check_certificate(parameters)
-        options.pop("plots", None)
+        options.pop("plots", None)  # a certificate has no plots
         options |= {"gains": parameters.gains, "report": parameters.report}
         run_analysis(certificates.OUTPUTS, certify_gains, parameters.scenario, name, options)
         return

@@ -50,9 +50,8 @@ def rescue_results(how: str, ended: float) -> None:
         return
     try:
         output = OutputFolder(plan.folder, **plan.output)
-        rows = (
-            None if plan.started_run is None else _read_rows(plan.started_run)
-        )  # `alone` removes their file
+        # before `alone`, which removes their file
+        rows = None if plan.started_run is None else _read_rows(plan.started_run)
         with output.alone(), use_verbosity(plan.verbosity):
             message = _save_results(plan, output, cause, ended, rows)
         show_error(message)
@@ -168,7 +167,7 @@ def _finish_result(
         table=table,
         metrics=metrics.figures(),
         signals=metrics.signals(),
-        coupling={},
+        coupling={},  # its errors need the FMUs
         remarks=remarks,
         steps=crash_page.current_activity().rows - started_run.rows,
         simulated_s=end - before.end_s,
@@ -182,17 +181,10 @@ def _finish_result(
 def _append_rows(started_run: StartedRun, table: FileTable, newest: tuple[int, Vector] | None) -> list[str]:
     """Append the rows that the table has not stored yet. Return remarks on rows that are lost."""
     outline, count = started_run.outline, crash_page.current_activity().rows
-    earlier_rows, steps_per_row = (
-        started_run.table_rows - started_run.rows,
-        outline.every,
-    )  # `since`: rows of the table before this run
+    # a run that continues an earlier one counts its rows from its own start
+    earlier_rows, steps_per_row = started_run.table_rows - started_run.rows, outline.every
     stored = table.count_stored() - started_run.stored_rows
-    next_row = (
-        started_run.table_rows
-        + -started_run.table_rows % steps_per_row
-        + stored * steps_per_row
-        - earlier_rows
-    )
+    next_row = started_run.rows + -started_run.table_rows % steps_per_row + stored * steps_per_row
     if newest is None:
         table.reopen(outline, earlier_rows + next_row)
         table.end()
@@ -202,10 +194,8 @@ def _append_rows(started_run: StartedRun, table: FileTable, newest: tuple[int, V
         ]
     first, rows = newest[0], show_rows(newest[1], started_run.shown)
     rows[:, outline.text_columns] = np.nan  # rows with texts are in the table
-    if (
-        count - 1 < next_row < count - 1 + steps_per_row
-    ):  # only the last row may be missing, which was not due
-        next_row = count - 1
+    if count - 1 < next_row < count - 1 + steps_per_row:
+        next_row = count - 1  # only the last row may be missing, which was not due
     table.reopen(outline, earlier_rows + max(next_row, first))
     if len(rows := rows[max(next_row - first, 0) :]):
         table.write(rows)

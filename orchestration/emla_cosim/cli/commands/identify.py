@@ -66,11 +66,11 @@ class Parameters:
 
 def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Estimate parameters from measured data."""
+    # False would override the plan
     options |= vars(parameters) | {"design": parameters.design or None}
     loaded_plan = load_identification_plan(options.pop("plan"))
-    kind = (
-        "design" if parameters.design or loaded_plan.design else "identify"
-    )  # estimates of the same plan stay
+    # a folder of its own, so that estimates of the same plan stay
+    kind = "design" if parameters.design or loaded_plan.design else "identify"
     result, folder = run_analysis(OUTPUTS, identify, loaded_plan, f"{kind}-{loaded_plan.name}", options)
     if not result.complete:
         raise CosimError(f"interrupted; the best values so far are in {folder / SCENARIO}.")

@@ -77,7 +77,7 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
         with suppress(CommandError):  # collecting the information reports it
             used |= load(source, **options).options.files_read()
         check_output_files({json: JSON_FILE}, used)
-        OutputFile(json, JSON_FILE, is_info, overwrite)
+        OutputFile(json, JSON_FILE, is_info, overwrite)  # checked before FMUs are built
     folder = parameters.pictures
     names = () if folder is None else tuple(folder / f"{name}.png" for name in PICTURES)
     files = [OutputFile(path, "the picture", is_picture, overwrite, creates_folder=True) for path in names]
@@ -154,7 +154,7 @@ def _show_header(content: Info) -> None:
 
 def _show_rows(rows: Sequence[DisplayRow]) -> None:
     """Show a table for each component on a terminal, otherwise one table with full names in each row."""
-    if not OUT.is_terminal:
+    if not OUT.is_terminal:  # a program reads it line by line
         _show_table(rows, "variable", "")
         return
     for component, component_rows in groupby(rows, lambda row: row.first.component):

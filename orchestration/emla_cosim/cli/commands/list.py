@@ -25,12 +25,11 @@ def command() -> None:
     for name in SCENARIOS:
         scenario = find_built_in(name)
         scenarios.add_row(f"[bold]{name}[/]", str(scenario.options.get("gains") or ""), scenario.description)
-    plans = Table("plan", "description", title="Sweeps: emla sweep PLAN", title_justify="left")
-    for name, text in PLANS.items():
-        plans.add_row(f"[bold]{name}[/]", str(read_toml(text(), name).get("description", "")))
-    tunings = Table("plan", "description", title="Tunings: emla tune PLAN", title_justify="left")
-    for name, text in TUNINGS.items():
-        tunings.add_row(f"[bold]{name}[/]", str(read_toml(text(), name).get("description", "")))
+    plans = []
+    for title, texts in (("Sweeps: emla sweep PLAN", PLANS), ("Tunings: emla tune PLAN", TUNINGS)):
+        plans.append(Table("plan", "description", title=title, title_justify="left"))
+        for name, text in texts.items():
+            plans[-1].add_row(f"[bold]{name}[/]", str(read_toml(text(), name).get("description", "")))
     models = Table("model", "description", title="Models: emla build MODEL", title_justify="left")
     for name, block in MODELS.items():
         models.add_row(f"[bold]{name}[/]", (block.__doc__ or "").strip().splitlines()[0])
@@ -42,5 +41,5 @@ def command() -> None:
     for name, controller in CONTROLLERS.items():
         first, *other_gains = controller.gains
         choices.add_row(f"--gains, for {name}", ", ".join([f"{first} (recommended)", *other_gains]))
-    for table in (scenarios, plans, tunings, models, choices):
+    for table in (scenarios, *plans, models, choices):
         show(table)

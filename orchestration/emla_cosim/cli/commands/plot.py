@@ -60,6 +60,7 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
         raise CommandError(f"the plot file '{output}' must end in .png, .pdf or .svg.")
     traces = read_traces(parameters.runs)
     check_output_files({output: "the plot"}, {file: "read" for run in traces for file in run.files})
+    # checked before anything is drawn
     file = OutputFile(output, "the plot", is_picture, options.get("overwrite", False))
     overlay = overlay_runs(
         traces, parameters.signals, parameters.start, parameters.stop, parameters.title, parameters.layout

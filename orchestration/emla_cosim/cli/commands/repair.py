@@ -9,7 +9,6 @@ from typing import Any
 
 from rich.markup import escape
 
-from fmu_verify.findings import Examined
 from fmu_verify.repair.record import Change
 from fmu_verify.repair.repairing import Repair, is_repaired, repair
 from fmu_verify.verdict import Verdict
@@ -76,7 +75,8 @@ def _show(repaired: Repair) -> None:
     for finding in repaired.remaining:
         show(f"[bold red]not mended[/] [bold]{finding.check}[/] {_escape(finding.sentence)}", soft_wrap=True)
     for label, examined in (("before", repaired.before), ("after", repaired.after)):
-        show(f"{label}: {_format_counts(examined)}", highlight=False)
+        counts = Counter(finding.verdict for finding in examined.findings)
+        show(f"{label}: {', '.join(f'{counts[v]} {v}' for v in Verdict)}", highlight=False)
 
 
 def _show_change(change: Change, version: int) -> None:
@@ -86,11 +86,6 @@ def _show_change(change: Change, version: int) -> None:
             show(f"  [{style}]{sign} {_escape(text)}[/]", highlight=False, soft_wrap=True)
     clause = change.find_clause(version)
     show(f'  {clause}: "{clause.sentence}"', style="dim", markup=False, highlight=False, soft_wrap=True)
-
-
-def _format_counts(examined: Examined) -> str:
-    counts = Counter(f.verdict for f in examined.findings)
-    return ", ".join(f"{counts[v]} {v}" for v in Verdict)
 
 
 def _escape(text: str) -> str:

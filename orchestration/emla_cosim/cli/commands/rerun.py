@@ -56,6 +56,6 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
 def _name_new_folder(record: Path) -> Path:
     """Return a new folder beside that of a record."""
     folder = record.parent
-    if folder.name in ("", ".."):
+    if folder.name in ("", ".."):  # such a path has no last name to extend
         folder = real_place(record).parent
     return folder.with_name(f"{folder.name}-again")

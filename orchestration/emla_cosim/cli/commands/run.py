@@ -71,7 +71,7 @@ def run_into(
         CosimError: If the run or a requirement fails. The results are written then too.
     """
     options = scenario_to_run.options
-    plan_run(options, scenario_to_run.name)
+    plan_run(options, scenario_to_run.name)  # reports wrong options before anything is built
     shown_notes = _show_actuators(scenario_to_run)
     plots = options.plots and has_extra("plots")
     missing_notes = [LEFT_OUT] if options.plots and not plots else []

@@ -35,9 +35,8 @@ class FileKind(NamedTuple):
 
 
 def _trajectory_struct() -> type[msgspec.Struct]:
-    from ...analyses.trajectory.problem import (
-        PROBLEM,  # loads casadi and scipy, which other kinds do not need
-    )
+    # loads casadi and scipy, which other kinds do not need
+    from ...analyses.trajectory.problem import PROBLEM
 
     return PROBLEM
 

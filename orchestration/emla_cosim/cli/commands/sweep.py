@@ -67,6 +67,7 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
     result, folder = run_analysis(OUTPUTS, sweep, loaded_plan, loaded_plan.name, options)
     if not result.complete:
         raise CosimError(f"interrupted; the results so far are in {folder}. Continue with --resume.")
+    # the results are complete, but a script must see that requirements are not met
     if result.required and (failing := result.variants.filter(result.variants[STATUS] != DONE).height):
         raise CosimError(
             f"{failing} of {result.variants.height} variants do not meet the requirements; see above."

@@ -10,7 +10,7 @@ from ...analyses.trajectory.files import MotionFiles
 from ...analyses.trajectory.problem import load_problem
 from ...analyses.trajectory.report import build_report
 from ...analyses.trajectory.runner import trajectory
-from ...base.errors import CosimError
+from ...base.files import report_write_errors
 from ...base.option import OUTPUT, TRAJECTORY, argument, option, switch
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
@@ -20,6 +20,7 @@ from .analysis import show_report
 OPTIONS = TRAJECTORY
 
 _PROBLEM, _OPTIMISATION = "Problem", "Optimisation"
+# those of the function, so that the command and Python have the same ones
 _DEFAULTS = trajectory.__kwdefaults__ or {}
 
 EXAMPLES = (
@@ -91,8 +92,6 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
 
 def _default_path() -> Path:
     folder = results_folder("trajectory")
-    try:
+    with report_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise CosimError(f"the output folder '{folder}' cannot be written: {error.strerror}.") from error
     return folder / "trajectory.json"

@@ -110,7 +110,12 @@ class Parameters:
 def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Verify FMUs and SSPs."""
     if parameters.list:
-        show(_list_checks(), asked_for=True)
+        table = Table(
+            Column("check", no_wrap=True), "question", "source", title="Checks", title_justify="left"
+        )
+        for check in CHECKS:
+            table.add_row(check.name, escape(check.title), escape(str(check.clause)))
+        show(table, asked_for=True)
         return
     check_choice("shape", parameters.excite, SHAPES)
     if parameters.html is not None:
@@ -123,6 +128,7 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
         raise CommandError("--input, --set, --stop-time and --step-size need --record.")
     files = {file: Path(file) for file in parameters.files}
     reports = {kind: path for kind in REPORT_FILES if (path := getattr(parameters, kind)) is not None}
+    # before checks that take minutes
     _check_report_files(reports, files.values(), overwrite)
     with catch_interrupts() as interrupted, BarProgress() as progress:
         built_in_files = _build_built_in(progress) if parameters.all else {}
@@ -187,13 +193,6 @@ def _build_built_in(progress: Progress) -> dict[str, Path]:
             paths[f"{model} ({flavour})"] = build(model, flavour, [])
             progress.advance(1)
     return paths
-
-
-def _list_checks() -> Table:
-    table = Table(Column("check", no_wrap=True), "question", "source", title="Checks", title_justify="left")
-    for check in CHECKS:
-        table.add_row(check.name, escape(check.title), escape(str(check.clause)))
-    return table
 
 
 def _show(report: Report, explain: bool) -> None:

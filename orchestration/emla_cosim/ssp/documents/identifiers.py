@@ -1,4 +1,4 @@
-"""Identifiers that every tool accepts as names in an SSP, and the names that they stand for.
+"""Identifiers that every tool accepts as names in an SSP, and the names that they represent.
 
 OMSimulator accepts ASCII letters, digits and underscores. The `id` next to an identifier has the name.
 """
@@ -36,7 +36,7 @@ def make_identifiers(names: Iterable[str]) -> dict[str, str]:
 
 
 def format_id(identifier: str, name: str) -> str | None:
-    """Return the id that says for which name an identifier stands; None if they are the same.
+    """Return the id that says which name an identifier represents; None if they are the same.
 
     Characters that an XML id cannot have are written as their number, such as _x0020_ for a space.
     """
@@ -46,10 +46,11 @@ def format_id(identifier: str, name: str) -> str | None:
 
 
 def parse_id(identifier: str, id_: str | None) -> str:
-    """Return the name for which an identifier stands: the identifier itself unless the id says another."""
+    """Return the name that an identifier represents: the identifier itself unless the id says another."""
     if id_ is None:
         return identifier
     name = _ESCAPED.sub(_unescape, id_)
+    # an id of another tool can be anything; ours becomes the identifier, perhaps with a number
     prefix = re.escape(make_identifier(name))
     return name if re.fullmatch(rf"{prefix}(_\d+)?", identifier) else identifier
 

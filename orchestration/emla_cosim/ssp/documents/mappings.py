@@ -49,7 +49,7 @@ def read_mapping(root: XmlElement, where: str) -> tuple[MappingEntry, ...]:
     entries: dict[str, MappingEntry] = {}
     for element in children(root, "ssm:MappingEntry"):
         source, target = element.get("source"), element.get("target")
-        if target in entries:
+        if target in entries:  # which of two values it gets would depend on the tool
             raise CommandError(
                 f"'{where}' line {element.sourceline} maps '{source}' to '{target}', which is already the "
                 f"target of '{entries[target].source}'."

@@ -97,7 +97,7 @@ def _read_step_size(root: XmlElement, where: str) -> float | None:
     for element, attribute in (
         ("oms:FixedStepMaster", "stepSize"),
         ("osp:FixedStepAlgorithm", "baseStepSize"),
-        ("oms:VariableStepSolver", "maximumStepSize"),
+        ("oms:VariableStepSolver", "maximumStepSize"),  # of a system for Model Exchange
     ):
         algorithm = root.find(f".//{element}", NAMESPACES | ANNOTATION_NAMESPACES)
         if algorithm is not None and algorithm.get(attribute):
@@ -174,6 +174,7 @@ class _Reader:
         }
 
     def _connector(self, element: XmlElement) -> Connector:
+        # SSP 2.0 has the dimensions of an array beside its type
         typed = [e for e in children(element, "ssc:*") if local_name(e) != "Dimension"]
         geometry = child(element, "ssd:ConnectorGeometry")
         return Connector(

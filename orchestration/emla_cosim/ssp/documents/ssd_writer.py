@@ -90,6 +90,7 @@ def _add_steps(system: XmlElement, step_size: float, is_continuous: bool) -> Non
     inside = add(_annotation(system, _OPENMODELICA), "oms:Annotations")
     information = add(inside, "oms:SimulationInformation")
     if is_continuous:
+        # our reader takes the largest step as the communication step
         add(
             information,
             "oms:VariableStepSolver",

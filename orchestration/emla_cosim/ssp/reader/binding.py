@@ -88,9 +88,10 @@ def resolve_bindings(
                     f"{node_name(node)}, which has a value too"
                     for ignored, n in highest[:-1]
                 ]
-                own_entry = best.entry if best.height == -len(path) else None
+                # other mappings are those of systems around the component
+                entry = best.entry if best.height == -len(path) else None
                 value = _compute_value(wiring, best, node, (path, name))
-                values[path][name] = BoundValue(value, best.parameter, own_entry)
+                values[path][name] = BoundValue(value, best.parameter, entry)
     return values, [*collected.describe_unused(), *overridden]
 
 
@@ -110,6 +111,7 @@ class _CollectedBindings:
         if isinstance(element, SystemElement):
             for inside in element.elements:
                 self.element(inside, (*path, inside.name))
+        # last, to replace values from inside
         for binding in element.bindings:
             self._add_binding(binding, element, path)
 
@@ -126,12 +128,12 @@ class _CollectedBindings:
 
     def _add_binding(self, binding: ParameterBinding, element: Element, path: Path_) -> None:
         values = binding.values
-        if not isinstance(values, ParameterSet):
-            raise TypeError("the structure is not loaded")
+        assert isinstance(values, ParameterSet)  # the loader has replaced all files
         matched, reasons = self._matched.setdefault(values, set()), self._reasons.setdefault(values, {})
         targets = _index_targets(binding.mapping)
         for parameter in values.parameters:
             index = parameter.name.removeprefix(parameter.document_name)
+            # the elements of an array are parameters, but its shape is checked once
             is_first = parameter.array is None or index == format_index([1] * len(parameter.array.sizes))
             name = f"{binding.prefix}{parameter.document_name}"
             reason = "matches no variable"
@@ -188,6 +190,7 @@ class _CollectedBindings:
     def _list_names(self, path: Path_) -> tuple[Collection[str], set[str]]:
         """Return the names of the connectors of a system or the variables of an FMU, and of their arrays."""
         fmu = self._wiring.fmus.get(path)
+        # many components can have one FMU, and an FMU many variables
         key = path if fmu is None else (fmu.component.source, fmu.component.structure)
         if key not in self._names:
             names: Collection[str] = self._connectors.get(path, {})

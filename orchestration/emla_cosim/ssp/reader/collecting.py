@@ -157,6 +157,7 @@ class _Level:
                 raise self._wiring.fault(
                     f"'{owner.name}' names the signal dictionary '{owner.dictionary}', which is missing."
                 )
+            # all references to a dictionary share its signals
             node = self._dictionaries[owner.dictionary], name
             self._share_connector(node, connectors[name])
             return _ConnectionEnd(node, is_source=True, is_target=True)

@@ -78,7 +78,7 @@ def read_ssp(path: Path) -> Iterator[SspDocument]:
 
 
 def _document(structure: Structure, package: Package) -> SspDocument:
-    @cache
+    @cache  # many components can have one FMU
     def read(source: str, structure: tuple[tuple[str, int], ...]) -> Interface:
         return read_interface(Path(source), dict(structure))
 
@@ -237,20 +237,21 @@ def _find_aliases(wired: Wiring, fmu: Fmu, values: dict[str, BoundValue]) -> dic
     aliases = {}
     for (source, target), (entry, binding) in renames.items():
         is_unique = sum(1 for s, t in renames if s == source or t == target) == 1
-        is_hidden = source != target and source in variables
+        is_hidden = source != target and source in variables  # the name is that of another variable
         if not is_unique or is_hidden:
             continue
         bound, parameter = values.get(target), _find_source(binding, source)
         if bound is not None and bound.entry is not None:
             entry, parameter = bound.entry, bound.parameter
         if isinstance(entry.transformation, TableTransformation):
-            continue
+            continue  # results would need its inverse
         node = (fmu.path, target)
         linear = build_transformation(wired, parameter, entry, node, node)
         has_other_value = bound is not None and bound.entry is None
         if linear == IDENTITY:
             fits = source != target
         else:
+            # results need the inverse, and only numbers can be scaled
             fits = linear.factor != 0.0 and variables[target].type == "Real"
             fits = fits and not (source == target and has_other_value)
         if fits:
@@ -274,5 +275,5 @@ def _make_connection(wired: Wiring, target: Node, names: dict[Path_, str]) -> Co
     transformation = wired.arriving(target, source)
     with contextlib.suppress(ValueError):  # the units cannot be converted
         if transformation == find_conversion(wired.fmu_unit(source), wired.fmu_unit(target)):
-            transformation = None
+            transformation = None  # a run converts units itself
     return Connection(names[source[0]], source[1], names[target[0]], target[1], transformation)

@@ -113,6 +113,7 @@ def _split_variant(path: Path) -> tuple[Path, str]:
 
 def _find_ssd(folder: Path, variant: str, name: str) -> Package:
     ssd = folder / (variant or DEFAULT_SSD)
+    # neither `#../other.ssd` nor a link leads out of the package
     if not ssd.is_file() or ssd.resolve().parent != folder.resolve():
         present = sorted(p.name for p in folder.glob("*.ssd"))
         instead = (

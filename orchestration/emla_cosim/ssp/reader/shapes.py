@@ -133,7 +133,7 @@ def _list_declared_sizes(connector: Connector, interface: Interface) -> Iterator
     """Yield the declared size of each dimension; None if it is not known without the FMU."""
     for dimension in connector.dimensions:
         variable = interface.variables.get(dimension.connector or "")
-        start = None if variable is None else variable.start
+        start = None if variable is None else variable.start  # of a structural parameter
         yield dimension.size if start is None else int(float(str(start)))
 
 

@@ -120,6 +120,7 @@ class _Loader:
 
     def _load_same_document(self, component: ComponentElement) -> SystemElement:
         inner = self._make_inner_loader(f"{self._package.ssd.resolve()}{component.source}", component)
+        # it is in the same file, so ids and error messages are the same
         inner._where, inner._by_id = self._where, self._by_id
         return self._insert_system(
             component, inner._load_system(self._find_by_id(component.source[1:], component))
@@ -159,7 +160,7 @@ class _Loader:
 
     def _insert_system(self, component: ComponentElement, system: SystemElement) -> SystemElement:
         """Return a system under the name of the component that refers to it, with its bindings last."""
-        own_bindings = tuple(self._load_binding(b, None) for b in component.bindings)
+        bindings = tuple(self._load_binding(b, None) for b in component.bindings)
         connectors = {c.name: c for c in system.connectors}
         for connector in component.connectors:
             inside = connectors.get(connector.name)
@@ -168,7 +169,7 @@ class _Loader:
             system,
             name=component.name,
             id=component.id,
-            bindings=(*system.bindings, *own_bindings),
+            bindings=(*system.bindings, *bindings),  # the last of two values applies
             connectors=tuple(connectors.values()),
         )
 
@@ -181,7 +182,7 @@ class _Loader:
             raise self._fault(f"{name} is not one of '{component.source}'.")
         if outside.kind != inside.kind:
             raise self._fault(f"{name} is of kind {outside.kind}, in '{component.source}' {inside.kind}.")
-        if outside.unit is None or inside.unit is None:
+        if outside.unit is None or inside.unit is None:  # one of the documents may leave it out
             return replace(inside, unit=inside.unit or outside.unit)
         if not outside.unit.measures_as(inside.unit):
             raise self._fault(f"{name} is in {outside.unit}, in '{component.source}' in {inside.unit}.")

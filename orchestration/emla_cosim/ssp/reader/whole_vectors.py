@@ -63,7 +63,7 @@ def _expand(
         for (inside, name, index), (outside, system_name, system_index) in (_ends(x), _ends(x)[::-1]):
             is_whole = outside is None and inside is not None and not (index or system_index)
             if is_whole and (indices := _find_shape(inside, name, shapes, names)):
-                system_shapes.setdefault(system_name, indices)
+                system_shapes.setdefault(system_name, indices)  # a declared size has precedence
     shapes[None] = system_shapes
     connections = [y for x in system.connections for y in _expand_connection(x, shapes, names, where)]
     system = replace(system, elements=tuple(elements), connections=tuple(connections))

@@ -122,7 +122,7 @@ class Wiring:
                 f"the connection {connection} has a {transformation.kind}MappingTransformation, which this "
                 "master does not support."
             )
-        if connection.suppress_unit_conversion:
+        if connection.suppress_unit_conversion:  # the transformation has the conversion
             return transformation.after(total), declared
         converted = self._convert_at(unit, declared, target, difference, connection)
         return transformation.after(converted.after(total)), declared if declared is not None else unit

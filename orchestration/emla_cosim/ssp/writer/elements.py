@@ -106,6 +106,7 @@ class _Builder:
             self._parts[component].interface.unit(name) for component, name in connection.ends
         )
         converts = not (source_unit is None or target_unit is None or source_unit.measures_as(target_unit))
+        # with a transformation, tools must not convert units once more
         explicit = None if connection.transformation == IDENTITY else connection.transformation
         return ssp.SsdConnection(
             source, connection.output, target, connection.input, explicit, converts or explicit is not None

@@ -65,6 +65,7 @@ def _place_elements(
     corners: dict[str, Corners] = {}
     top = 0.0
     for group in _group_connected(list(names), links):
+        # a loop of feedback has no other first element
         order = sorted(group, key=lambda e: _rank_in_flow(names[e]))
         columns = _assign_columns(order, links)
         column_edges = _position_columns(columns, links)
@@ -88,7 +89,7 @@ def _route(system: SystemElement) -> tuple[SsdConnection, ...]:
         if e.extent is not None and c.position is not None
     }
     rows = _find_row_edges(system)
-    lanes: dict[object, int] = {}
+    lanes: dict[object, int] = {}  # lines that run side by side must not cover each other
 
     def lane(lane_group: object) -> float:
         lanes[lane_group] = lanes.get(lane_group, 0) + 1
@@ -104,7 +105,9 @@ def _route(system: SystemElement) -> tuple[SsdConnection, ...]:
         floor = rows[connection.start_element or ""]
         out = start[0] + lane(("right of", floor, start[0]))
         gap = end[0] - start[0]
-        if 0.0 < gap and not _has_column_between(system, start[0], end[0]):
+        columns = (e.extent for e in system.elements if e.extent is not None)
+        is_free = not any(start[0] < x1 and x2 < end[0] for x1, _, x2, _ in columns)
+        if 0.0 < gap and is_free:
             points = ((out, start[1]), (out, end[1]))
         else:
             y = floor - lane(("below", floor))
@@ -117,11 +120,6 @@ def _route(system: SystemElement) -> tuple[SsdConnection, ...]:
 def _locate(extent: Corners, position: tuple[float, float]) -> tuple[float, float]:
     x1, y1, x2, y2 = extent
     return round(x1 + position[0] * (x2 - x1), 3), round(y1 + position[1] * (y2 - y1), 3)
-
-
-def _has_column_between(system: SystemElement, left: float, right: float) -> bool:
-    """Return whether a column of elements is between two positions."""
-    return any(e.extent is not None and left < e.extent[0] and e.extent[2] < right for e in system.elements)
 
 
 def _find_row_edges(system: SystemElement) -> dict[str, float]:

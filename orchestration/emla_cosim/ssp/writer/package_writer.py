@@ -98,6 +98,7 @@ def write_ssp(
         for c in system.components
     }
     identifier = make_identifier(name)
+    # OMSimulator integrates Model Exchange in systems with a solver only
     kinds = {KINDS.get(c.kind) or next(iter(interfaces[c.name].kinds)) for c in system.components}
     structure = Structure(
         identifier,

@@ -120,6 +120,7 @@ def _add_files(
     contents, version = files.contents, files.version
     uri = file_name(component.name, ".ssv", contents)
     defined_units = select_unambiguous(p.unit for p in parameters)
+    # a document cannot define two units of one name
     listed = tuple(p if p.unit in defined_units else replace(p, unit=None) for p in parameters)
     content = ParameterSet(SET_NAME, listed, f"Parameters of {component.name}")
     contents[uri] = format_parameter_set(content, version)

@@ -55,6 +55,7 @@ def join_arrays(root: SystemElement, interfaces: Mapping[str, Interface]) -> Sys
         connectors: dict[str, Connector] = {}
         for connector in element.connectors:
             variable = interface.variables[connector.name]
+            # a connector without a type, such as an Enumeration, stays without one
             typed = replace(connector, type=connector.type and declared_type(variable))
             array = _find_array(variable)
             if array is None:
