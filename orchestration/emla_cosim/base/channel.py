@@ -65,6 +65,7 @@ class Channel:
 
     def send_bytes(self, content: bytes) -> None:
         """Send bytes; see `send`."""
+        # a pipe may take a part of a long message
         remaining = memoryview(_HEAD.pack(_MARK, len(content)) + content)
         while remaining:
             remaining = remaining[os.write(self._outgoing, remaining) :]

@@ -22,7 +22,7 @@ _MODULES = {"pillow": "PIL"}
 """Modules of packages that have another name."""
 
 LEFT_OUT = "pictures are left out, because the extra 'plots' is missing; run: pip install 'emla-cosim[plots]'"
-"""What is said, without a full stop, where pictures would be drawn by default."""
+"""The note, without a full stop, where pictures would be drawn by default."""
 
 
 class MissingExtraError(CommandError, ImportError):
@@ -68,12 +68,9 @@ def explain_missing(error: ImportError, subject: str) -> CommandError | None:
 
 
 def _list_missing(extra: str) -> list[str]:
-    return [package for package in EXTRAS[extra] if not _is_installed(_MODULES.get(package) or package)]
-
-
-def _is_installed(module: str) -> bool:
-    spec = find_spec(module)
-    return spec is not None and spec.origin is not None  # not a folder of users that has the name
+    specs = {package: find_spec(_MODULES.get(package) or package) for package in EXTRAS[extra]}
+    # a folder of users that has the name has no origin
+    return [package for package, spec in specs.items() if spec is None or spec.origin is None]
 
 
 def _make_missing_error(extras: Sequence[str], subject: str, packages: Sequence[str]) -> MissingExtraError:

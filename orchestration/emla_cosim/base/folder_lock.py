@@ -48,7 +48,8 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
         try:
             lock.acquire()
         except Timeout:
-            if not _has_ended(holder):
+            mark = re.fullmatch(MARK, str(_read_holder(holder).get("mark")))
+            if mark is None or not is_left(*mark.groups()):
                 raise
             (folder / _LOCK).unlink(missing_ok=True)  # a process that an FMU started has it open
             lock.acquire()
@@ -90,12 +91,6 @@ def _read_holder(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return holder if isinstance(holder, dict) else {}
-
-
-def _has_ended(path: Path) -> bool:
-    """Return whether the process that took the lock has ended, as far as that is known."""
-    mark = re.fullmatch(MARK, str(_read_holder(path).get("mark")))
-    return mark is not None and is_left(*mark.groups())
 
 
 def _describe_holder(path: Path) -> str:

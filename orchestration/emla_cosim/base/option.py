@@ -149,7 +149,7 @@ class Option:
 
     @property
     def placeholder(self) -> str:
-        """Return what stands for the value in the help; empty for a switch."""
+        """Return the placeholder of the value in the help; empty for a switch."""
         if self.metavar is not None or self.type is bool:
             return self.metavar or ""
         if self.unit:
@@ -249,7 +249,7 @@ def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
     """
     metadata = {"option": Option(help, **about)}
     if isinstance(default, (list, dict)):
-        return field(default_factory=default.copy, metadata=metadata)
+        return field(default_factory=default.copy, metadata=metadata)  # dataclasses refuse shared lists
     return field(default=default, metadata=metadata)
 
 

@@ -134,7 +134,7 @@ class OutputFile:
         self.path, self.what = path, label
         self._is_ours, self._overwrite = is_ours, overwrite
         if creates_folder and not (folder / path).parent.is_dir():
-            self.place = folder / path
+            self.place = folder / path  # there is no file to protect
             return
         self.place = resolve_output_path(path, label, folder)
         try:

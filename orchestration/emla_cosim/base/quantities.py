@@ -147,6 +147,7 @@ def parse_unit_name(name: str, label: str, target: SiUnit | None = None) -> SiUn
     defined = None if target is None else target.alternatives.get(name)
     if defined is not None and target is not None and _is_convertible(defined, target):
         return defined
+    # data sheets have signs such as ², ⁻¹ and the minus of mathematics
     written = unicodedata.normalize("NFKC", name).replace("−", "-")
     for pattern, standard in _SPELLINGS:
         written = pattern.sub(standard, written)

@@ -55,7 +55,8 @@ def _adapt(node: Any) -> Any:
     if "description" in schema and isinstance(schema["description"], str):
         schema["description"] = " ".join(schema["description"].split())
     if "anyOf" in schema:
-        schema = _without_null(schema)
+        parts = [part for part in schema.pop("anyOf") if part != {"type": "null"}]  # TOML has no null
+        schema = {**parts[0], **schema} if len(parts) == 1 else {"anyOf": parts, **schema}
     if "prefixItems" in schema:
         items = schema.pop("prefixItems")
         schema["items"] = items[0] if all(item == items[0] for item in items) else items
@@ -70,12 +71,6 @@ def _adapt(node: Any) -> Any:
     if node.get("x-dotted") and isinstance(schema.get("additionalProperties"), Mapping):
         schema["additionalProperties"] = {"anyOf": [schema["additionalProperties"], {"type": "object"}]}
     return schema
-
-
-def _without_null(node: dict[str, Any]) -> dict[str, Any]:
-    """Remove null, which TOML does not have."""
-    parts = [part for part in node.pop("anyOf") if part != {"type": "null"}]
-    return {**parts[0], **node} if len(parts) == 1 else {"anyOf": parts, **node}
 
 
 def _nest(properties: Mapping[str, Any]) -> dict[str, Any]:

@@ -156,7 +156,7 @@ def _choose_member(value: Any, members: Sequence[Any]) -> Any:
     plain = [t for t, base in zip(members, bases, strict=True) if base in _NAMES or get_origin(t) is Literal]
     if isinstance(value, (Mapping, list, tuple)) or not plain:
         return next((t for t in members if t not in plain), Union[tuple(members)])  # noqa: UP007
-    if isinstance(value, str):
+    if isinstance(value, str):  # a text that a number or a Boolean would refuse
         plain = [t for t in plain if t in (str, Path)] or plain
     return plain[0] if len(plain) == 1 else Union[tuple(plain)]  # noqa: UP007
 
@@ -240,7 +240,7 @@ def _convert_plain(value: Any, type_: Any, meta: msgspec.Meta | None, label: str
             right = " or ".join(map(repr, get_args(type_)))
         elif bound := re.match(r"Expected `\w+` ([<>]=?) ([-+.\w]+)", str(error)):
             right = f"{_BOUNDS[bound[1]]} {float(bound[2]):g}"
-        raise _make_type_error(label, value, right) from None
+        raise _make_type_error(label, value, right) from None  # msgspec does not name the value
     if type_ is not Path:
         return converted
     return folder / converted if folder is not None else Path(converted)

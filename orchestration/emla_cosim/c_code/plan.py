@@ -164,6 +164,7 @@ def plan_code(
     chosen_components = _choose_components(system, components)
     names = [c.name for c in chosen_components]
     inside = [x for x in system.connections if {x.ends[0][0], x.ends[1][0]} <= {*names}]
+    # bonds may be of components that are left out
     reduced_system = replace(system, components=tuple(chosen_components), connections=tuple(inside), bonds={})
     models = {c.name: _find_block(c) for c in chosen_components}
     reduced_algorithm = _restrict_algorithm(algorithm, names)
@@ -178,6 +179,7 @@ def plan_code(
         for p, part in enumerate(plan.parts)
     ]
     driven = {f"{part.name}.{v.name}" for part in plan.parts for v in part.instance.read}
+    # inputs of the components that are left out
     driving = {".".join(x.ends[0]) for x in system.connections if x.ends[1][0] not in names}
     written = [v.name for v in _list_variables(parts, "outputs")]
     return CodePlan(
@@ -229,6 +231,7 @@ def _find_block(component: Component) -> type[Block]:
 
 def _restrict_algorithm(algorithm: Algorithm, names: Collection[str]) -> Algorithm:
     """Return the algorithm for some of the components."""
+    # its `setup` refuses options of components that do not exist
     changes: dict[str, Any] = {}
     if order := getattr(algorithm, "order", None):
         changes["order"] = [n for n in order if n in names]
@@ -250,6 +253,7 @@ def _check_plan(plan: ContainerPlan, algorithm: Algorithm) -> int:
     if loops := [g for g in plan.initial_groups if len(g.coupling)]:
         names = join_names([plan.parts[i].name for i in loops[0].members])
         raise CommandError(f"the initial values of {names} depend on each other; plain C cannot solve them.")
+    # one function does the step of all components
     multiples = {part.multiple for part in plan.parts}
     if len(multiples) > 1:
         steps = ", ".join(f"{part.name} {part.multiple}" for part in plan.parts)
@@ -261,6 +265,7 @@ def _check_plan(plan: ContainerPlan, algorithm: Algorithm) -> int:
 
 def _write_blocks(models: Iterable[type[Block]]) -> dict[type[Block], CodeBlock]:
     """Return the blocks in C."""
+    # components with the same block share its functions
     models, blocks = list(dict.fromkeys(models)), {}
     try:
         for model, name in zip(models, _make_unique([m.__name__ for m in models]), strict=True):

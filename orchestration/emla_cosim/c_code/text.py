@@ -49,7 +49,7 @@ def render_source(plan: CodePlan, precision: str) -> str:
         CommandError: The equations contain large whole numbers, as random numbers do, and float is requested.
     """
     equations = "\n".join(text for block in plan.blocks for text in block.functions)
-    if precision == FLOAT:
+    if precision == FLOAT:  # a float would round the states of random numbers
         _check_float(plan, equations)
     text = _render(
         "code.c.jinja",

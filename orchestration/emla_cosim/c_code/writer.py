@@ -26,12 +26,8 @@ def list_files(path: Path) -> tuple[Path, Path]:
     return path, path.with_suffix(".h")
 
 
-def check_code(path: Path, overwrite: bool = False) -> None:
-    """Check that the files may be written. Raises CommandError if one must not be replaced."""
-    _open_files(path, overwrite)
-
-
-def _open_files(path: Path, overwrite: bool) -> list[OutputFile]:
+def check_code(path: Path, overwrite: bool = False) -> list[OutputFile]:
+    """Return the files, which may be written. Raises CommandError if one must not be replaced."""
     return [
         OutputFile(file, "the C file", _is_ours, overwrite, creates_folder=True) for file in list_files(path)
     ]
@@ -70,8 +66,9 @@ def write_code(
         CommandError: The components cannot be plain C, or a file must not be replaced.
         RunError: They cannot be initialized, or a file cannot be written.
     """
-    source, header = _open_files(path, overwrite)
+    source, header = check_code(path, overwrite)
     plan = plan_code(path.stem, system, fmus, components, algorithm, times, outputs)
+    # both before one is written, because rendering can fail
     texts = render_header(plan, precision), render_source(plan, precision)
     for file, text in zip((header, source), texts, strict=True):
         file.write(text.encode())

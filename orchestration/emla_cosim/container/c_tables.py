@@ -60,7 +60,7 @@ class SystemTables:
         self._arrays = dict[tuple[int, int], int]()
         """Positions in `saved` of arrays, by component and value reference."""
         rows = [self._format_variable(v, fmi) for v in variables]
-        if fmi == 3:
+        if fmi == 3:  # which requires the time as a variable
             rows.append(f"{{{c_text(choose_time_name(variables))}, 'R', 0, 0, 0, -1, 0, 0, 1, -1, -1, -1}}")
         starts = [_format_start(i, x) for i, x in enumerate(variables) if x.is_overridden and x.is_settable]
         tables = [
@@ -87,6 +87,7 @@ class SystemTables:
         has_states = plan.all_can("canGetAndSetFMUstate")
         flags = {
             "HAS_STATE": has_states,
+            # the standard allows serializing only with saved states
             "HAS_SERIALIZATION": has_states and plan.all_can("canSerializeFMUstate"),
             "HAS_FMI3_PARTS": any(library.fmi == 3 for library in plan.libraries),
         }
@@ -148,6 +149,7 @@ class SystemTables:
         plan, rows = self._plan, list[str]()
         has_states = plan.all_can("canGetAndSetFMUstate")
         has_bytes = has_states and plan.all_can("canSerializeFMUstate")
+        # a loop repeats its steps even if the host cannot save states
         saved = {plan.parts[i].library for group in plan.groups if group.is_saved for i in group.members}
         handling = {p.library for p in plan.parts if isinstance(p.instance, EventModeInstance)}
         passing = {
@@ -259,7 +261,7 @@ class SystemTables:
             return self._image.save(pending_inputs[str(origin.name)])
         if not isinstance(origin, ElementVariable):
             return -1
-        if variable.size == 1:
+        if variable.size == 1:  # FMI sets only longer arrays as a whole
             start = start_memory(origin)
             return self._image.save(start, start) if self._choose_way(variable) == "IN_EVENT_MODE" else -1
         key = variable.part, int(origin.valueReference)
@@ -312,6 +314,7 @@ def _format_start(position: int, variable: ContainerVariable) -> str:
 
 def _convert_exactly(name: str, value: Any) -> float:
     """Return a value as a double; CommandError if it is an integer that a double cannot hold."""
+    # all values of the host pass as doubles
     if isinstance(value, int) and int(float(value)) != value:
         raise CommandError(
             f"the start value {value} of {name} has too many digits: an FMU of a system holds integers up to "

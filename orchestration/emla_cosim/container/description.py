@@ -31,6 +31,7 @@ def describe_container(
 ) -> bytes:
     """Return the model description for a version of FMI as UTF-8 XML."""
     root = describe_model(name, description, Producer(f"EMLA-Cosim {__version__}"), guid, fmi)
+    # names of a component that are not structured stay as they are
     if any(x.file.description.variableNamingConvention != "structured" for x in plan.libraries):
         root.set("variableNamingConvention", "flat")
     if fmi == 3:
@@ -76,7 +77,7 @@ def _add_interface(root: Element, plan: ContainerPlan, identifier: str, source_f
     flags = {
         "needsExecutionTool": plan.any_has("needsExecutionTool"),
         "canHandleVariableCommunicationStepSize": False,  # a step is a whole number of the system's steps
-        "canInterpolateInputs": False,
+        "canInterpolateInputs": False,  # inputs have no derivatives
         "canRunAsynchronuously": False,
         "canBeInstantiatedOnlyOncePerProcess": plan.any_has("canBeInstantiatedOnlyOncePerProcess"),
         "canNotUseMemoryManagementFunctions": True,
@@ -88,7 +89,7 @@ def _add_interface(root: Element, plan: ContainerPlan, identifier: str, source_f
     attributes = {"modelIdentifier": identifier, "maxOutputDerivativeOrder": "0"}
     element = SubElement(root, "CoSimulation", attributes | texts)
     source_paths = list(source_files)
-    if source_paths:
+    if source_paths:  # not if libraries are carried along, which sources alone do not make
         files = SubElement(element, "SourceFiles")
         for file in source_paths:
             SubElement(files, "File", name=file)
@@ -104,6 +105,7 @@ def _list_interface_attributes(plan: ContainerPlan, identifier: str) -> dict[str
         "canSerializeFMUState": states and plan.all_can("canSerializeFMUstate"),
     }
     texts = {flag: "true" for flag, value in flags.items() if value}
+    # a host can use a multiple of this step only
     return {"modelIdentifier": identifier, **texts, "fixedInternalStepSize": repr(plan.times.step)}
 
 
@@ -125,6 +127,7 @@ class _Units:
         for definition in library.file.description.unitDefinitions:
             for display in definition.displayUnits if definition.name == unit else ():
                 offset = {"offset": repr(float(display.offset))} if display.offset else {}
+                # of two FMUs with the same unit, the first one defines how it is displayed
                 displays.setdefault(str(display.name), {"factor": repr(float(display.factor))} | offset)
         self._names[library.folder, unit] = name
         return name
@@ -156,7 +159,7 @@ class _Enumerations:
     def name(self, variable: ModelVariable, folder: str) -> str:
         """Return the name of the type of an Enumeration in the container."""
         declared: Any = variable.declaredType
-        name = f"{folder}.{declared.name}"
+        name = f"{folder}.{declared.name}"  # two FMUs may define different types of one name
         if name not in self._names_so_far:
             self._names_so_far.add(name)
             if self._fmi == 3:

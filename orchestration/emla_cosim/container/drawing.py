@@ -28,17 +28,19 @@ def draw_system(components: Mapping[str, str], connections: Iterable[Connection]
         connections: The connections.
     """
     diagrams = build_diagrams(components, link_components(connections))
+    # one marker serves all diagrams of a page
     return [(d.title, _draw_diagram(d, _ARROW if d is diagrams[0] else "")) for d in diagrams]
 
 
 def _draw_diagram(diagram: Diagram, definitions: str) -> str:
-    left, top, width, height = diagram.view
+    x, y, width, height = diagram.view
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" role="img" viewBox="{left:.1f} {top:.1f} {width:.1f} '
+        f'<svg xmlns="http://www.w3.org/2000/svg" role="img" viewBox="{x:.1f} {y:.1f} {width:.1f} '
         f'{height:.1f}" style="width: {1.05 * width:.0f}mm; max-width: 100%" font-family="sans-serif">',
         definitions,
         *map(_draw_wire, diagram.lines),
         *map(_draw_box, diagram.boxes),
+        # last, so that no box or line covers them
         *(_draw_label(line.x, line.y, line.label, 2.6, "start", "#4b5563") for line in diagram.lines),
         "</svg>",
     ]

@@ -112,6 +112,7 @@ class Image:
 
     def _add_array(self, values: NDArray[Any]) -> _Region:
         """Return the memory of an array, which is that of the whole array if this is a part of one."""
+        # parts of an array point into its memory
         owner = values.base if isinstance(values.base, np.ndarray) else values
         return self._add(_Region(owner.ctypes.data, owner.nbytes, owner))
 
@@ -220,6 +221,7 @@ class Image:
         if name.startswith("code"):  # of the present call, which has no reader here
             return "{0}" if isinstance(value, ctypes.Array) else "0"
         if name == "component":
+            # the address of the component in this process means nothing in another one
             code = values["codes"][0] if kind == "Events" else values["code"]
             return f"m->parts[{split_code(int(code))[0]}]" if value else "NULL"
         if name == "function":
@@ -241,7 +243,7 @@ class Image:
     def _format_function(self, code: int) -> str:
         """Return the function of a call in C."""
         instance, call = split_code(int(code))
-        if not call:
+        if not call:  # between components, not to one
             return "(Function)step_texts"
         table, prefix = self._functions[instance]
         return f"{table}[{prefix}_{call[0].upper()}{call[1:]}]"

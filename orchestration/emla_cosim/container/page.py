@@ -34,6 +34,7 @@ def render_page(
             )
         )
     models = {p.name: str(plan.libraries[p.library].file.description.modelName) for p in plan.parts}
+    # a `div` keeps the picture out of Markdown
     for title, picture in draw_system(models, system.connections):
         lines += ["", *([f"### {_escape_text(title)}", ""] if title else []), f"<div>{picture}</div>"]
     for heading, causality in (("Inputs", "input"), ("Outputs", "output"), ("Parameters", "parameter")):

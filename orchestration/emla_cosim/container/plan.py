@@ -166,6 +166,7 @@ def _check_support(assembly: Assembly) -> None:
             f"an FMU of a system cannot pass on Strings or Binary values of clocks; {join_names(clocked)} "
             "has a connection."
         )
+    # the tables of the container have fixed sizes
     sizes = [f"{n}.{p}" for n, file in assembly.files.items() for p in file.interface.structure]
     if sizes:
         raise CommandError(f"an FMU of a system cannot change structural parameters such as {sizes[0]}.")
@@ -193,6 +194,7 @@ def _make_plan(
     assembly: Assembly, algorithm: Algorithm, guesses: Sequence[Vector], times: CommunicationPoints
 ) -> ContainerPlan:
     network, exchange = assembly.network, algorithm.exchange
+    # components with one FMU share its folder, and so its library
     libraries = _list_libraries(list(assembly.files.values()))
     library_numbers = {library.file.folder: i for i, library in enumerate(libraries)}
     instances = [x for x in network.instances if isinstance(x, InProcessInstance)]  # all of co-simulation are
@@ -233,7 +235,7 @@ def _list_libraries(files: Sequence[FmuFile]) -> list[Library]:
             continue
         used_folders = {*_MAIN_STEMS, *(library.folder.casefold() for library in libraries.values())}
         name = re.sub(r"\W", "_", file.model_identifier, flags=re.ASCII)  # a path from outside
-        folder, number = name, 2
+        folder, number = name, 2  # some file systems ignore case
         while folder.casefold() in used_folders:
             folder, number = f"{name}_{number}", number + 1
         content = {
@@ -247,6 +249,7 @@ def _list_libraries(files: Sequence[FmuFile]) -> list[Library]:
 
 def _find_source(file: FmuFile, content: Collection[str]) -> str | None:
     """Return the source file of an FMU that can be compiled in."""
+    # the prefix of functions, with which several can be compiled together, needs our sources
     is_ours = str(file.description.generationTool).endswith(_BUILDER)
     present = (source for source in _COMPILED if f"sources/{source}" in content)
     return next(present, None) if is_ours else None

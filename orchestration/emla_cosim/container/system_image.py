@@ -77,12 +77,14 @@ def make_system_image(
     tables = StepperTables(algorithm, points)
     initial = [_list_initial_calls(tables, i, x) for i, x in enumerate(instances)]
     stepper = tables.stepper
+    # a host observes nothing in a step, and has no reader of the present call
     stepper.observers = stepper.observed = stepper.activity = None
     functions = [
         (f"m->functions[{library}]", "FMI3" if is_version_3(instance.file.description) else "FMI2")
         for instance, library in zip(instances, libraries, strict=True)
     ]
     image = Image([*tables.arrays, *(a for x in with_events for a in x.tables.arrays)], functions)
+    # first: an initialization clears the beginning of `saved`, up to the Jacobians
     for values in (algorithm.block, *(x.tables.memory for x in with_events)):
         image.save(values)
     for instance in instances:

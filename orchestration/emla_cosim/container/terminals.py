@@ -51,7 +51,7 @@ def _read_members(library: Library) -> Iterator[tuple[str, tuple[str, str]]]:
     try:
         root = parse_xml(content)
     except etree.XMLSyntaxError:
-        return
+        return  # terminals are optional, and the FMU runs without them
     for terminal in root.iterfind("Terminals/Terminal"):
         group = terminal.get("name")
         if terminal.get("matchingRule") != "bus" or not group:

@@ -126,6 +126,7 @@ def list_variables(
             signal = signal_of.get(origin.name, -1)
             system_name = plan.system_names[part.name].get(origin.name, origin.name)
             name = names[signal] if signal >= 0 else _make_full_name(part.name, system_name)
+            # a start value of the system replaces that of the FMU
             start = values.get(origin.name, origin.start)
             variables.append(
                 ContainerVariable(
@@ -161,6 +162,7 @@ def _hide_if_unselected(variable: ContainerVariable, selected: Collection[str]) 
     """Return the variable; an output that is not selected becomes local, such an input a parameter."""
     if variable.causality not in ("input", "output") or variable.name in selected:
         return variable
+    # a host can still set the input, as a tunable parameter
     causality = "local" if variable.causality == "output" else "parameter"
     return replace(variable, causality=causality)
 

@@ -36,11 +36,9 @@ _SHARED = (
 
 def check_container(path: Path, overwrite: bool = False) -> OutputFile:
     """Return the file of an FMU, which may be written. Raises CommandError if it must not be replaced."""
-    return OutputFile(path, "the FMU", _is_ours, overwrite, creates_folder=True)
-
-
-def _is_ours(path: Path) -> bool:
-    return read_built(path).key is not None
+    return OutputFile(
+        path, "the FMU", lambda fmu: read_built(fmu).key is not None, overwrite, creates_folder=True
+    )
 
 
 def write_container(
@@ -90,9 +88,11 @@ def write_container(
     """
     plan, reporter = plan_container(system, fmus, algorithm, times), progress or Progress()
     required_platforms = list(platforms) or [host_platform()]
+    # before compiling, which takes longest
     for library in plan.libraries:
         _check_platforms(library, required_platforms)
     variables = list_variables(plan, inputs, outputs, list_default_outputs(plan.network.names))
+    # it begins the names of C functions, and names the library
     identifier = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
     identifier = identifier if re.match(r"[A-Za-z_]", identifier) else f"_{identifier}"
     content, mains = _collect_content(plan, identifier, variables, required_platforms, fmi)
@@ -179,6 +179,7 @@ def _collect_content(
 
 def _read_stepper_files() -> dict[str, bytes]:
     """Return the C files of the stepper that steps need."""
+    # the loop, rows and interrupts are those of the host
     available, required = native_sources(), ["step.h", "event_calls.h"]
     for name in required:
         included = re.findall(r'#include "(\w+\.h)"', available[name].decode())
