@@ -11,36 +11,15 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from fmublock.cache import CacheError, cache_folder
-from fmublock.files import UNFINISHED, NotAFileError, real_place, write_atomically
-from fmublock.leftovers import MARK, is_left, make_temporary_folder, mark_of_process, remove_folder
+from fmublock.cache import CacheError as CacheError
+from fmublock.cache import cache_folder as cache_folder
+from fmublock.files import UNFINISHED, NotAFileError, real_place
+from fmublock.files import write_atomically as write_atomically
+from fmublock.leftovers import MARK, make_temporary_folder, remove_folder
+from fmublock.leftovers import is_left as is_left
+from fmublock.leftovers import mark_of_process as mark_of_process
 
 from .errors import CommandError, RunError
-
-__all__ = [
-    "HERE",
-    "MARK",
-    "UNFINISHED",
-    "CacheError",
-    "NotAFileError",
-    "cache_folder",
-    "check_output_files",
-    "get_working_folder",
-    "hash_file",
-    "hash_if_readable",
-    "is_left",
-    "is_same_place",
-    "mark_of_process",
-    "read_file",
-    "read_text",
-    "real_place",
-    "remove_unfinished",
-    "report_write_errors",
-    "resolve_output_path",
-    "restore_working_folder",
-    "temporary_folder",
-    "write_atomically",
-]
 
 HERE = Path()
 """The working folder at the time when a path is used."""

@@ -196,19 +196,14 @@ def plan_code(
 
 def _choose_components(system: System, patterns: Collection[str]) -> list[Component]:
     names = [c.name for c in system.components]
+    available = f"there are {join_names(names)}."
     if not patterns:
-        available = join_names(names)
-        raise CommandError(
-            f"plain C needs --components, such as --components controller; there are {available}."
-        )
+        raise CommandError(f"plain C needs --components, such as --components controller; {available}")
     names_to_keep = set[str]()
     for pattern in patterns:
         matches = [n for n in names if matches_pattern(n, pattern) or matches_pattern(n, f"*.{pattern}")]
         if not matches:
-            available = join_names(names)
-            raise CommandError(
-                f"no component matches '{pattern}' of --components; there are {available}.", name=pattern
-            )
+            raise CommandError(f"no component matches '{pattern}' of --components; {available}", name=pattern)
         names_to_keep.update(matches)
     return [c for c in system.components if c.name in names_to_keep]
 

@@ -34,10 +34,12 @@ def describe_container(
     # names of a component that are not structured stay as they are
     if any(x.file.description.variableNamingConvention != "structured" for x in plan.libraries):
         root.set("variableNamingConvention", "flat")
-    if fmi == 3:
-        SubElement(root, "CoSimulation", _list_interface_attributes(plan, identifier))
-    else:
-        _add_interface(root, plan, identifier, source_files)
+    interface = SubElement(root, "CoSimulation", _list_interface_attributes(plan, identifier, fmi))
+    source_paths = list(source_files) if fmi == 2 else []
+    if source_paths:  # not if libraries are carried along, which sources alone do not make
+        source_list = SubElement(interface, "SourceFiles")
+        for file in source_paths:
+            SubElement(source_list, "File", name=file)
     units, types, model_variables = _Units(), Element("TypeDefinitions"), Element("ModelVariables")
     enumerations = _Enumerations(types, fmi)
     for reference, variable in enumerate(variables):
@@ -66,47 +68,33 @@ def describe_container(
         stepSize=repr(times.step),
     )
     root.append(model_variables)
-    if fmi == 3:
-        _add_structure3(root, variables)
-    else:
-        _add_structure(root, variables)
+    _add_structure(root, variables, fmi)
     return format_xml(root)
 
 
-def _add_interface(root: Element, plan: ContainerPlan, identifier: str, source_files: Iterable[str]) -> None:
-    flags = {
-        "needsExecutionTool": plan.any_has("needsExecutionTool"),
-        "canHandleVariableCommunicationStepSize": False,  # a step is a whole number of the system's steps
-        "canInterpolateInputs": False,  # inputs have no derivatives
-        "canRunAsynchronuously": False,
-        "canBeInstantiatedOnlyOncePerProcess": plan.any_has("canBeInstantiatedOnlyOncePerProcess"),
-        "canNotUseMemoryManagementFunctions": True,
-        "canGetAndSetFMUstate": plan.all_can("canGetAndSetFMUstate"),
-        "canSerializeFMUstate": plan.all_can("canGetAndSetFMUstate") and plan.all_can("canSerializeFMUstate"),
-        "providesDirectionalDerivative": False,  # they are zero: an input acts from the next step on
-    }
-    texts = {flag: "true" for flag, value in flags.items() if value}
-    attributes = {"modelIdentifier": identifier, "maxOutputDerivativeOrder": "0"}
-    element = SubElement(root, "CoSimulation", attributes | texts)
-    source_paths = list(source_files)
-    if source_paths:  # not if libraries are carried along, which sources alone do not make
-        files = SubElement(element, "SourceFiles")
-        for file in source_paths:
-            SubElement(files, "File", name=file)
+def _list_interface_attributes(plan: ContainerPlan, identifier: str, fmi: int) -> dict[str, str]:
+    """Return the attributes of CoSimulation.
 
-
-def _list_interface_attributes(plan: ContainerPlan, identifier: str) -> dict[str, str]:
-    """Return the attributes of CoSimulation in FMI 3.0."""
-    states = plan.all_can("canGetAndSetFMUstate")
+    Other abilities are left out, and so false: the host's steps are whole numbers of the system's steps,
+    inputs have no derivatives, and directional derivatives are zero because an input acts from the next step
+    on.
+    """
+    state, has_states = "State" if fmi == 3 else "state", plan.all_can("canGetAndSetFMUstate")
     flags = {
         "needsExecutionTool": plan.any_has("needsExecutionTool"),
         "canBeInstantiatedOnlyOncePerProcess": plan.any_has("canBeInstantiatedOnlyOncePerProcess"),
-        "canGetAndSetFMUState": states,
-        "canSerializeFMUState": states and plan.all_can("canSerializeFMUstate"),
+        "canNotUseMemoryManagementFunctions": fmi == 2,
+        f"canGetAndSetFMU{state}": has_states,
+        # the standard allows serializing only with saved states
+        f"canSerializeFMU{state}": has_states and plan.all_can("canSerializeFMUstate"),
     }
-    texts = {flag: "true" for flag, value in flags.items() if value}
-    # a host can use a multiple of this step only
-    return {"modelIdentifier": identifier, **texts, "fixedInternalStepSize": repr(plan.times.step)}
+    attributes = {"modelIdentifier": identifier}
+    if fmi == 2:
+        attributes["maxOutputDerivativeOrder"] = "0"
+    attributes |= {flag: "true" for flag, value in flags.items() if value}
+    if fmi == 3:  # a host can use a multiple of this step only
+        attributes["fixedInternalStepSize"] = repr(plan.times.step)
+    return attributes
 
 
 class _Units:
@@ -258,39 +246,28 @@ def _format_start(variable: ContainerVariable) -> str:
     return repr(float(value)) if type_ == "Real" else str(int(value))
 
 
-def _add_structure(root: Element, variables: Sequence[ContainerVariable]) -> None:
+def _add_structure(root: Element, variables: Sequence[ContainerVariable], fmi: int) -> None:
     """Add outputs. They depend on no input at a communication point: an input acts from the next step on.
 
     Outputs that are not signals, such as Strings, are read from their part at once and may depend on
     anything. So may initial values, through the connections.
     """
     structure = SubElement(root, "ModelStructure")
-    outputs = [i for i, v in enumerate(variables, 1) if v.causality == "output"]
-    if outputs:
-        element = SubElement(structure, "Outputs")
-        for i in outputs:
-            SubElement(element, "Unknown", {"index": str(i)} | _list_dependencies(variables[i - 1]))
-    initial = [i for i, v in enumerate(variables, 1) if _is_initial_unknown(v)]
-    if initial:
-        element = SubElement(structure, "InitialUnknowns")
-        for i in initial:
-            SubElement(element, "Unknown", index=str(i))
-
-
-def _add_structure3(root: Element, variables: Sequence[ContainerVariable]) -> None:
-    """Add the same in FMI 3.0."""
-    structure = SubElement(root, "ModelStructure")
-    for reference, variable in enumerate(variables):
-        if variable.causality == "output":
-            SubElement(structure, "Output", {"valueReference": str(reference)} | _list_dependencies(variable))
-    for reference, variable in enumerate(variables):
-        if _is_initial_unknown(variable):
-            SubElement(structure, "InitialUnknown", valueReference=str(reference))
-
-
-def _list_dependencies(variable: ContainerVariable) -> dict[str, str]:
-    """Return the attribute for the dependencies of an output; without it, it may depend on everything."""
-    return {"dependencies": ""} if variable.signal >= 0 else {}
+    # without the attribute, an unknown may depend on everything
+    outputs = {
+        reference: {"dependencies": ""} if variable.signal >= 0 else {}
+        for reference, variable in enumerate(variables)
+        if variable.causality == "output"
+    }
+    initial = {reference: {} for reference, variable in enumerate(variables) if _is_initial_unknown(variable)}
+    for kind, unknowns in (("Output", outputs), ("InitialUnknown", initial)):
+        if fmi == 3:
+            for reference, attributes in unknowns.items():
+                SubElement(structure, kind, {"valueReference": str(reference)} | attributes)
+        elif unknowns:
+            group = SubElement(structure, f"{kind}s")
+            for reference, attributes in unknowns.items():
+                SubElement(group, "Unknown", {"index": str(reference + 1)} | attributes)
 
 
 def _is_initial_unknown(variable: ContainerVariable) -> bool:

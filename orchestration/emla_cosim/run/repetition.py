@@ -73,29 +73,23 @@ def _settings(before: Record, now: Record, overrides: Iterable[str]) -> Iterator
 
 def _describe_change(name: str, earlier: Any, current: Any) -> Iterator[str]:
     """Yield the change of a setting. Of file paths only the last part counts, because folders may differ."""
-    if (
-        isinstance(earlier, dict)
-        and isinstance(current, dict)
-        and "sha256" in current
-        and "sha256" in earlier
-    ):
+    parts: Iterable[tuple[Any, Any]] | None = None
+    are_tables = isinstance(earlier, dict) and isinstance(current, dict)
+    if are_tables and "sha256" in current and "sha256" in earlier:
         if current["sha256"] != earlier["sha256"]:
             yield f"the content of '{current.get('file')}'"
         return
-    parts: Iterable[tuple[Any, Any]] | None = None
-    if isinstance(earlier, dict) and isinstance(current, dict) and earlier.keys() == current.keys():
+    if are_tables and earlier.keys() == current.keys():
         parts = ((earlier[key], current[key]) for key in current)
     elif isinstance(earlier, list) and isinstance(current, list) and len(earlier) == len(current):
         parts = zip(earlier, current, strict=True)
     if parts is not None:
         yield from dict.fromkeys(text for pair in parts for text in _describe_change(name, *pair))
-    elif earlier != current and not _same_file(earlier, current):
-        yield name
-
-
-def _same_file(earlier: Any, current: Any) -> bool:
-    texts = isinstance(earlier, str) and isinstance(current, str)
-    return texts and Path(current).is_absolute() and Path(current).name == Path(earlier).name
+    elif earlier != current:
+        texts = isinstance(earlier, str) and isinstance(current, str)
+        # the same file in another folder
+        if not (texts and Path(current).is_absolute() and Path(current).name == Path(earlier).name):
+            yield name
 
 
 def _wiring(before: Record, now: Record) -> Iterator[str]:

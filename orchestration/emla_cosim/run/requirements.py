@@ -176,7 +176,7 @@ def resolve_stop_conditions(
         signal, sign, right = split_condition(text)
         is_quantity = has_unit(right)
         try:
-            # the unit of a quantity is known once the signal is: 0 stands in until then
+            # the unit of a quantity is known once the signal is: 0 takes its place until then
             condition = parse_requirement(f"{signal} {sign} 0" if is_quantity else text)
         except CommandError as error:
             raise CommandError(

@@ -1,4 +1,4 @@
-"""What is said where a package of an extra is missing."""
+"""Messages about packages of extras that are missing."""
 
 import pickle
 import subprocess

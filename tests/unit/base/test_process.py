@@ -95,8 +95,8 @@ def _list_files() -> set[int]:
     return {int(path.name) for path in Path("/dev/fd").iterdir()}
 
 
-def _write(channel: Channel, others: set[int], content: bytes) -> None:
-    for number in _list_files() - others:
+def _write(channel: Channel, inherited: set[int], content: bytes) -> None:
+    for number in _list_files() - inherited:
         with suppress(OSError):
             if stat.S_ISFIFO(os.fstat(number).st_mode):
                 os.write(number, content)

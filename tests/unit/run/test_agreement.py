@@ -21,45 +21,50 @@ def simulation(fmu_folder: Path) -> ec.Simulation:
 
 
 @pytest.fixture(scope="module")
-def kept(simulation: ec.Simulation, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("kept")
+def reference_run(simulation: ec.Simulation, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("reference_run")
     simulation.run().save(folder, plots=False)
     return folder
 
 
-def test_same_run_agrees(simulation: ec.Simulation, kept: Path) -> None:
-    result = simulation.run(reference=kept, tolerance={"*": ec.Tolerance(0.0, time=0.0)})
+def test_same_run_agrees(simulation: ec.Simulation, reference_run: Path) -> None:
+    result = simulation.run(reference=reference_run, tolerance={"*": ec.Tolerance(0.0, time=0.0)})
     assert [c.signal for c in result.comparisons] == simulation.names
     assert all(c.inside and c.worst == 0.0 for c in result.comparisons)
-    later = simulation.run(stop_time=0.02).compare(kept, {"*": 1e-9})
+    later = simulation.run(stop_time=0.02).compare(reference_run, {"*": 1e-9})
     assert [c.signal for c in later] == simulation.names and all(c.inside for c in later)
     assert later[0].time[-1] == pytest.approx(0.02)
     assert result.record["reference"] == {
-        "run": str(kept / "results.csv"),
+        "run": str(reference_run / "results.csv"),
         "signals": len(simulation.names),
         "left": [],
     }
 
 
-def test_other_run_reports_which_signal_left_its_tube_first(simulation: ec.Simulation, kept: Path) -> None:
+def test_other_run_reports_which_signal_left_its_tube_first(
+    simulation: ec.Simulation, reference_run: Path
+) -> None:
     with pytest.raises(RunError, match=r"signals do not agree with '.*results\.csv': lift\.") as raised:
-        simulation.run(reference=kept, set={"lift.plant.motor.R_s": 0.2})
+        simulation.run(reference=reference_run, set={"lift.plant.motor.R_s": 0.2})
     result = raised.value.fields["result"]
     outside = result.record["reference"]["left"]
     assert [x["left_at_s"] for x in outside] == sorted(x["left_at_s"] for x in outside)
     assert f"{outside[0]['signal']} left its tube at t = {outside[0]['left_at_s']:.9g} s" in str(raised.value)
     worst = next(x for x in outside if x["signal"] == "lift.controller.u_q")
-    before = polars.read_csv(kept / "results.csv")["lift.controller.u_q"].to_numpy()
+    before = polars.read_csv(reference_run / "results.csv")["lift.controller.u_q"].to_numpy()
     off = np.abs(result["lift.controller.u_q"] - before)
     # the tube's edges are up to half an interval away
     assert 0.0 < worst["worst"] <= off.max()
     assert {x["signal"] for x in outside} == {c.signal for c in result.comparisons if not c.inside}
     wide = {"*": ec.Tolerance(1e-9, time=0.0), "lift.*": 10.0}
-    assert simulation.run(reference=kept, tolerance=wide, set={"lift.plant.motor.R_s": 0.2}).problem is None
+    assert (
+        simulation.run(reference=reference_run, tolerance=wide, set={"lift.plant.motor.R_s": 0.2}).problem
+        is None
+    )
     with pytest.raises(RunError, match=r"requirements not met: run\.steps < 3.*signals do not agree"):
-        simulation.run(reference=kept, set={"lift.plant.motor.R_s": 0.2}, require=["run.steps < 3"])
+        simulation.run(reference=reference_run, set={"lift.plant.motor.R_s": 0.2}, require=["run.steps < 3"])
     with pytest.raises(CommandError, match="needs a recorder that keeps a table"):
-        simulation.run(reference=kept, recorders=[])
+        simulation.run(reference=reference_run, recorders=[])
 
 
 def test_reference_in_parquet(simulation: ec.Simulation, tmp_path: Path) -> None:
@@ -93,9 +98,9 @@ def test_command_fails_with_a_table_and_a_message(emla: Emla, tmp_path: Path) ->
     assert same.exit_code == 0
     assert f"50 of 50 signals agree with {Path('a', 'results.csv')}" in same.stdout
     changed = ("--set", "lift.plant.motor.R_s=0.2")
-    other = emla("run", "lift", *SHORT_RUN, "--output", "c", "--reference", "a", *changed)
-    assert "signals do not agree with 'a/results.csv'" in sentence(other, 1)
-    assert "left tube at / s" in other.stdout
+    differing = emla("run", "lift", *SHORT_RUN, "--output", "c", "--reference", "a", *changed)
+    assert "signals do not agree with 'a/results.csv'" in sentence(differing, 1)
+    assert "left tube at / s" in differing.stdout
     record = json.loads((tmp_path / "c" / "run.json").read_text())
     assert record["status"] != "completed" and record["reference"]["left"]
     wide = ("--output", "c", "--reference", "a", "--tolerance", "9")

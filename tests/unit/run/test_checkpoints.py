@@ -199,12 +199,12 @@ def test_differences_to_the_checkpoint_are_named(
 def test_other_wiring_and_order_are_named(faulty_fmu: Path, tmp_path: Path) -> None:
     parts = [faulty("j.a", faulty_fmu, u=1.0), faulty("j.b", faulty_fmu)]
     run_system(wired(parts, "j.a.y -> j.b.u"), tmp_path, stop_time=0.5, checkpoint=tmp_path / "c")
-    for other, words in (
+    for changed_system, words in (
         (wired(parts, "j.a.z -> j.b.u"), "other connections"),
         (wired(parts[::-1], "j.a.y -> j.b.u"), "other components"),  # signals are in their order
     ):
         with pytest.raises(CommandError, match=f"has {words}"):
-            run_system(other, tmp_path, resume=tmp_path / "c")
+            run_system(changed_system, tmp_path, resume=tmp_path / "c")
 
 
 @pytest.mark.parametrize("stop", ["0.01", "0.005"])
@@ -338,7 +338,7 @@ ODD: list[Any] = [None, 0, -1, 1e308, "x", [], {}, [[1]], {"a": {"b": []}}, True
 
 
 def list_paths(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Where something stands in nested tables and lists, the outermost first."""
+    """Yield the path of each entry of nested tables, the outermost first."""
     inner = content.items() if isinstance(content, dict) else ()
     for key, value in inner:
         yield (*path, key)

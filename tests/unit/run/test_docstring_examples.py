@@ -26,7 +26,7 @@ def examples() -> dict[str, doctest.DocTest]:
         if package is fmublock:
             public |= {name: getattr(package, name) for name in fmublock._LATER}
         parsed = doctest.DocTestParser().get_doctest(package.__doc__ or "", {}, package.__name__, None, None)
-        tests = [parsed, *(t for name, one in public.items() for t in finder.find(one, name, globs={}))]
+        tests = [parsed, *(t for name, member in public.items() for t in finder.find(member, name, globs={}))]
         actual |= {f"{package.__name__}.{t.name}": t for t in tests if t.examples}
     return actual
 

@@ -1,4 +1,4 @@
-"""Runs that end early or diverge: the reason comes first, and it is no failure where it is none."""
+"""Runs that end early or diverge: the reason comes first, and only failures are reported as such."""
 
 from pathlib import Path
 

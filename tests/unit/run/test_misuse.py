@@ -215,9 +215,9 @@ def test_mistake_does_not_lock_out_other_threads(
 ) -> None:
     with pytest.raises(ec.CommandError):
         mistake(lift)
-    with ThreadPoolExecutor(1) as other:
-        assert other.submit(lift.run, stop_time=1e-3).result().problem is None
-        assert other.submit(lambda: lift["lift.plant.x_L"]).result() > 0.0
+    with ThreadPoolExecutor(1) as executor:
+        assert executor.submit(lift.run, stop_time=1e-3).result().problem is None
+        assert executor.submit(lambda: lift["lift.plant.x_L"]).result() > 0.0
 
 
 DIVIDING = """

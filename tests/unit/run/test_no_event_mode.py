@@ -85,16 +85,16 @@ def test_events_are_handled_inside_of_steps(events: Path, system: System, option
         assert np.array_equal(result[f"a.{name}"], fmpy_result[name]), name
 
 
-@pytest.mark.parametrize("chosen", [["a"], ["a*"], ["b", "a"], True])
-def test_components_by_name_pattern_or_all(events: Path, chosen: Any) -> None:
+@pytest.mark.parametrize("selection", [["a"], ["a*"], ["b", "a"], True])
+def test_components_by_name_pattern_or_all(events: Path, selection: Any) -> None:
     """A pattern passes over FMUs without event mode."""
     fmus = {"a": events, "b": events, "a2": build_strict_fmu(Path("Strict.fmu"))}
-    result = run(System.of(fmus, ["a2.x -> b.u"]), no_event_mode=chosen)
+    result = run(System.of(fmus, ["a2.x -> b.u"]), no_event_mode=selection)
     without = {"a": result["a.updates"][-1] == 0.0, "b": result["b.updates"][-1] == 0.0}
-    assert without == {"a": True, "b": chosen in (["b", "a"], True)}
+    assert without == {"a": True, "b": selection in (["b", "a"], True)}
     names = "a and b run" if without["b"] else "a runs"
     assert result.remarks == [f"{names} without event mode, as the option 'no_event_mode' says."]
-    assert result.record["settings"]["no_event_mode"] == (["*"] if chosen is True else chosen)
+    assert result.record["settings"]["no_event_mode"] == (["*"] if selection is True else selection)
 
 
 @pytest.mark.parametrize("isolate", mostly_slow([[], ["b"]], [[]]))
@@ -141,11 +141,11 @@ def test_replacement_runs_without_event_mode(events: Path, system: System) -> No
 # ---- refusals ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("chosen", [True, ["tick*"]])
-def test_fmus_with_clocks_are_refused(events: Path, folder: Path, chosen: Any) -> None:
+@pytest.mark.parametrize("selection", [True, ["tick*"]])
+def test_fmus_with_clocks_are_refused(events: Path, folder: Path, selection: Any) -> None:
     fmus = {"a": events, "ticking": build_event_fmu(folder / "Clocked.fmu", clock="periodic")}
     with pytest.raises(CommandError) as caught:
-        run(System.of(fmus, [], VALUES), no_event_mode=chosen)
+        run(System.of(fmus, [], VALUES), no_event_mode=selection)
     assert str(caught.value) == (
         "ticking cannot run without event mode: its FMU has the clock 'tick'. In the option 'no_event_mode', "
         "name other components only."

@@ -45,9 +45,9 @@ def use(scenario: ec.Scenario, simulation: ec.Simulation) -> None:
 
 
 def test_every_option_has_a_type() -> None:
-    for types, command, others in ((RunOptions, None, set[str]()), (SweepOptions, SWEEP, {"overwrite"})):
+    for types, command, untyped in ((RunOptions, None, set[str]()), (SweepOptions, SWEEP, {"overwrite"})):
         options = {name for name, o in list_options(command).items() if o.stage != SHOWING}
-        assert types.__annotations__.keys() == options - others
+        assert types.__annotations__.keys() == options - untyped
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_pyright_reports_wrong_options(tmp_path: Path) -> None:
         ["pyright", "--outputjson", "-p", str(tmp_path)], capture_output=True, text=True, check=False
     )
     content = json.loads(process.stdout)["generalDiagnostics"]
-    errors = [(Path(one["file"]).name, one["range"]["start"]["line"]) for one in content]
+    errors = [(Path(diagnostic["file"]).name, diagnostic["range"]["start"]["line"]) for diagnostic in content]
     assert set(errors) == {
         ("wrong.py", n) for n, line in enumerate(WRONG.splitlines()) if line.endswith("# error")
     }, content

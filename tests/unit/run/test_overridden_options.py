@@ -61,7 +61,7 @@ def test_later_files_override_earlier_ones(tmp_path: Path) -> None:
 
 
 def test_order_in_a_record_is_dropped_for_another_algorithm(fmu_folder: Path, tmp_path: Path) -> None:
-    """The order in its record gives way to the new algorithm, too."""
+    """The new algorithm removes the order in its record, too."""
     order = list(ec.load("lift").options.class_options.get("order", ())) or [
         f"lift.{part}" for part in ("reference", "disturbance", "plant", "observer", "controller")
     ]

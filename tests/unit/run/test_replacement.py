@@ -106,9 +106,9 @@ def package(foreign: ec.Scenario, tmp_path_factory: pytest.TempPathFactory) -> P
 
 def test_fmu_with_the_same_names_gives_the_same_bits(emla: Emla, python_fmu_folder: Path) -> None:
     """It shows no table, except on request."""
-    other = python_fmu_folder / "EmlaPlant" / "python" / "EmlaPlant.fmu"
+    python_fmu = python_fmu_folder / "EmlaPlant" / "python" / "EmlaPlant.fmu"
     options = ("run", "lift", "--stop-time", "0.02", "--no-plots")
-    replaced = (*options, "--output", "theirs", "--replace", f"lift.plant={other}")
+    replaced = (*options, "--output", "theirs", "--replace", f"lift.plant={python_fmu}")
     assert emla(*options, "--output", "ours").exit_code == 0
     result = emla(*replaced)
     assert Path("ours/results.csv").read_bytes() == Path("theirs/results.csv").read_bytes()
@@ -118,7 +118,7 @@ def test_fmu_with_the_same_names_gives_the_same_bits(emla: Emla, python_fmu_fold
     assert table_rows(output) == [["", "55 more", "", "same name and unit"]]
     assert "variables match" not in output.stderr
     components = json.loads(Path("theirs/run.json").read_text())["components"]
-    assert components["lift.plant"]["fmu"] == str(other) != components["lift.observer"]["fmu"]
+    assert components["lift.plant"]["fmu"] == str(python_fmu) != components["lift.observer"]["fmu"]
 
 
 # ---- a plant with other names and units --------------------------------------------------------------
@@ -320,8 +320,8 @@ def test_mapped_name_is_used_once(emla: Emla, fmu_folder: Path) -> None:
 
 
 def test_mapping_needs_a_replacement_and_a_file(emla: Emla, foreign_plant: Path) -> None:
-    other = ("--replace", f"lift.observer={foreign_plant}")
-    for command in (("run", "lift"), ("export", "lift", "my.ssp"), ("run", "lift", *other)):
+    observer_option = ("--replace", f"lift.observer={foreign_plant}")
+    for command in (("run", "lift"), ("export", "lift", "my.ssp"), ("run", "lift", *observer_option)):
         text = sentence(emla(*command, "--mapping", "lift.plant=my.ssm"), 2)
         assert "--mapping lift.plant=my.ssm needs --replace lift.plant=FILE.fmu." in text
     options = ("--replace", f"lift.plant={foreign_plant}", "--mapping", "lift.plant=gone.ssm")

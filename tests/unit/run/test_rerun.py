@@ -217,7 +217,7 @@ def test_changed_input_data_is_reported(emla: Emla) -> None:
         shutil.copy(ROOT / "tests" / "own_machine" / file, file)
     options = ("--actuator", "prototype=actuator.toml", "--input", "load.csv:prototype.disturbance.F_L=Force")
     assert emla("run", "prototype", *SHORT_RUN, *options).exit_code == 0
-    assert emla("rerun", "out", "--no-plots", "--report").stdout.splitlines()[-1] == SAME
+    assert emla("rerun", "out", "--no-plots").stdout.splitlines()[-1] == SAME
     with Path("load.csv").open("a") as stream:
         stream.write("9.000,0.000,20.00\n")
     output = emla("rerun", "out", "--no-plots").stdout

@@ -1,4 +1,4 @@
-"""A run that an FMU ended before its stop time is complete for nobody who compares it with others."""
+"""Commands that compare runs do not count one that an FMU ended before its stop time as complete."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -19,6 +19,7 @@ from emla_cosim.study.loading import load
 from emla_cosim.study.machines.systems import BUILT_IN
 from tests.support.commands import Emla
 from tests.support.paths import ROOT
+from tests.support.tiers import mostly_slow
 
 SHORT_RUN = 'system = "lift"\nstop_time = 0.002\nplots = false\noutput = "out"\n'
 ORDER = ["lift.disturbance", "lift.plant", "lift.observer", "lift.controller", "lift.reference"]
@@ -348,8 +349,11 @@ def test_files_that_cannot_be_read() -> None:
 
 # ---- built-in scenarios ------------------------------------------------------------------------------
 
+SLOW = {"crane", "stewart", "lift_table"}
+"""Machines of which others, such as excavator, have the kind of file."""
 
-@pytest.mark.parametrize("name", SCENARIOS)
+
+@pytest.mark.parametrize("name", mostly_slow(SCENARIOS, SCENARIOS.keys() - SLOW))
 def test_built_in_scenario_is_a_file_and_a_system(name: str) -> None:
     """A copy of its file is the same scenario, and a file with the system alone has its options."""
     study = ROOT / "orchestration/emla_cosim/study"

@@ -57,8 +57,8 @@ def test_fmu_runs_like_a_system_of_one_component(reference: Path) -> None:
     assert str(result.units["Reference.v_d"]) == "m/s"
     same = System.of({"Reference": reference})
     values = {"Reference.waypoint[1]": 0.0, "Reference.waypoint[2]": 0.3}
-    other = load(same, stop_time=2.0, step_size=1e-3, set=values).prepare().run()
-    assert (result["Reference.x_d"] == other["Reference.x_d"]).all()
+    in_system = load(same, stop_time=2.0, step_size=1e-3, set=values).prepare().run()
+    assert (result["Reference.x_d"] == in_system["Reference.x_d"]).all()
     assert result["Reference.x_d"].max() > 0.0
 
 

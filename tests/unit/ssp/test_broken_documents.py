@@ -264,7 +264,7 @@ TWICE = "<ssv:Parameter name='k'><ssv:Real value='2'/></ssv:Parameter></ssv:Para
 
 
 @pytest.mark.parametrize(
-    ("given", "mapping", "words"),
+    ("content", "mapping", "words"),
     [
         (ssv(k=9.5).replace('"9.5"', '"NaN"'), "", ["line", "'k'", "NaN"]),
         (ssv(k=9.5).replace('"9.5"', '"INF"'), "", ["line", "'k'", "INF"]),
@@ -284,22 +284,22 @@ TWICE = "<ssv:Parameter name='k'><ssv:Real value='2'/></ssv:Parameter></ssv:Para
         (ssv(version="2.0", label="").replace('<ssv:String value=""/>', "<ssv:String/>"), "", ["0 values"]),
     ],
 )
-def test_invalid_parameters(given: str, mapping: str, words: list, tmp_path: Path, fmu: Path) -> None:
+def test_invalid_parameters(content: str, mapping: str, words: list, tmp_path: Path, fmu: Path) -> None:
     part = component("a", "a.fmu", bindings=binding("k.ssv", "k.ssm" if mapping else ""))
-    files = {"a__fmu": fmu, "k__ssv": given} | ({"k__ssm": mapping} if mapping else {})
+    files = {"a__fmu": fmu, "k__ssv": content} | ({"k__ssm": mapping} if mapping else {})
     problem_of(rooted(tmp_path, part, files=files), "'", *words)
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("start_values", "words"),
     [
         ({"b": "two"}, ["a.b", "two", "not a number"]),
         ({"fault": 99}, ["a.fault = 99", "out of range", f"at most {max(Fault)}"]),
         ({"fault": "none"}, ["a.fault", "none", "not a whole number"]),
     ],
 )
-def test_values_out_of_range(given: dict, words: list, tmp_path: Path, faulty_fmu: Path) -> None:
-    part = component("a", "Faulty.fmu", bindings=binding(ssv(**given)))
+def test_values_out_of_range(start_values: dict, words: list, tmp_path: Path, faulty_fmu: Path) -> None:
+    part = component("a", "Faulty.fmu", bindings=binding(ssv(**start_values)))
     problem_of(rooted(tmp_path, part, files={"Faulty__fmu": faulty_fmu}), *words)
 
 

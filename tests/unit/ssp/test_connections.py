@@ -92,10 +92,10 @@ def test_units_of_connectors(
     assert actual == {"a.y -> b.u": pytest.approx(expected, rel=1e-15)}
 
 
-@pytest.mark.parametrize("turn", [False, True], ids=["straight", "turned"])
-def test_two_levels_in_both_directions(turn: bool, tmp_path: Path, fmus: dict) -> None:
+@pytest.mark.parametrize("is_reversed", [False, True], ids=["straight", "turned"])
+def test_two_levels_in_both_directions(is_reversed: bool, tmp_path: Path, fmus: dict) -> None:
     def wire(text: str, inside: str = "") -> str:
-        return connection(" -> ".join(reversed(text.split(" -> "))) if turn else text, inside)
+        return connection(" -> ".join(reversed(text.split(" -> "))) if is_reversed else text, inside)
 
     inside = system(
         "inside",

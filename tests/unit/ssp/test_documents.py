@@ -87,9 +87,9 @@ def test_systems_with_an_id_as_components(tmp_path: Path, fmu: Path) -> None:
     """A system of the same document is an element as well, on its own; so may one of another document be."""
     same = two("#the-one", DEFINITION, inner(id="the-one"))
     check_two(folder(tmp_path / "same", root=same, a__fmu=fmu), ["inner.a"])
-    other = ssd(system("other", inner(id="it"), component("not", "a.fmu")))
+    second = ssd(system("second", inner(id="it"), component("not", "a.fmu")))
     root = two("inner.ssd#it", DEFINITION)
-    check_two(folder(tmp_path / "other", root=root, inner__ssd=other, a__fmu=fmu))
+    check_two(folder(tmp_path / "second", root=root, inner__ssd=second, a__fmu=fmu))
 
 
 def test_units_that_only_the_component_declares(tmp_path: Path, fmu: Path) -> None:

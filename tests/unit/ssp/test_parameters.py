@@ -48,9 +48,9 @@ def values(tmp_path: Path, fmu: Path, bindings: str, **more: Any) -> dict[str, A
     return read(tmp_path, fmu, component("a", "a.fmu", bindings=bindings), **more).values("a")
 
 
-def mapped(given: Any, target: str, inside: str = "", **more: Any) -> str:
+def mapped(parameter: Any, target: str, inside: str = "", **more: Any) -> str:
     """A binding of one value that a mapping passes to a variable."""
-    return binding(ssv(p=given), ssm(entry("p", target, inside, **more)))
+    return binding(ssv(p=parameter), ssm(entry("p", target, inside, **more)))
 
 
 MM = {"suppress_unit_conversion": True}
@@ -99,16 +99,16 @@ def test_values_of_a_component(bindings: str, expected: dict, tmp_path: Path, fm
     assert read_.system.component("a").aliases == {}
 
 
-@pytest.mark.parametrize("given", [2, 2.0, ("2", "Enumeration")])
-def test_number_sets_an_enumeration(given: Any, tmp_path: Path, fmu: Path) -> None:
-    actual = values(tmp_path, fmu, binding(ssv(mode=given)))
+@pytest.mark.parametrize("value", [2, 2.0, ("2", "Enumeration")])
+def test_number_sets_an_enumeration(value: Any, tmp_path: Path, fmu: Path) -> None:
+    actual = values(tmp_path, fmu, binding(ssv(mode=value)))
     ((variable, number),) = convert_start_values("a", read_interface(fmu), actual)
     assert (variable.name, number, type(number)) == ("mode", 2, int)
 
 
-@pytest.mark.parametrize("given", [7, 1.5, True, ("7", "Enumeration")])
-def test_value_that_is_not_an_item_of_an_enumeration(given: Any, tmp_path: Path, fmu: Path) -> None:
-    actual = values(tmp_path, fmu, binding(ssv(mode=given)))
+@pytest.mark.parametrize("number", [7, 1.5, True, ("7", "Enumeration")])
+def test_value_that_is_not_an_item_of_an_enumeration(number: Any, tmp_path: Path, fmu: Path) -> None:
+    actual = values(tmp_path, fmu, binding(ssv(mode=number)))
     with pytest.raises(CommandError, match=r"^a\.mode = \S+ is not one of \w+ \(1\), \w+ \(2\)") as raised:
         convert_start_values("a", read_interface(fmu), actual)
     assert f"= {actual['mode']} is" in str(raised.value)

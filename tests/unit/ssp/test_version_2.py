@@ -292,8 +292,8 @@ def test_invalid_arrays(parts: tuple[str, ...], words: str, fmus: dict[str, Path
 def test_several_values_without_dimensions_are_a_vector_with_lenient(
     fmus: dict[str, Path], tmp_path: Path
 ) -> None:
-    given = component("a", "Pair3.fmu", bindings=binding(values("u", "3 4", "")))
-    with accept_faults(lenient=True) as faults, read_ssp(written(tmp_path, fmus, given)) as document:
+    vector = component("a", "Pair3.fmu", bindings=binding(values("u", "3 4", "")))
+    with accept_faults(lenient=True) as faults, read_ssp(written(tmp_path, fmus, vector)) as document:
         assert document.system.component("a").parameters == {"u[1]": 3.0, "u[2]": 4.0}
     assert any("2 values, but no dimension" in remark for remark in faults.remarks())
 
@@ -386,7 +386,7 @@ def test_pyssp_standard_reads_the_package(exported: tuple[Path, Path], tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("connections", "given", "version"),
+    ("connections", "start_values", "version"),
     [
         (["a.x -> b.u[1]"], {"a.end": 1.0, "a.Int32_in": 7, "a.Boolean_in": True}, "1.0"),
         (["a.x -> b.u[1]"], {"a.Int8_in": 7}, "2.0"),
@@ -395,9 +395,9 @@ def test_pyssp_standard_reads_the_package(exported: tuple[Path, Path], tmp_path:
     ],
 )
 def test_oldest_sufficient_version_is_written(
-    connections: list[str], given: dict[str, Any], version: str, fmus: dict[str, Path], tmp_path: Path
+    connections: list[str], start_values: dict[str, Any], version: str, fmus: dict[str, Path], tmp_path: Path
 ) -> None:
-    system = System.of({"a": fmus["Third"], "b": fmus["Pair"]}, connections, given)
+    system = System.of({"a": fmus["Third"], "b": fmus["Pair"]}, connections, start_values)
     ec.load(system, step_size=STEP, stop_time=STOP).export(tmp_path / "x.ssp")
     with zipfile.ZipFile(tmp_path / "x.ssp") as archive:
         texts = [archive.read(n).decode() for n in archive.namelist() if n.endswith((".ssd", ".ssv"))]

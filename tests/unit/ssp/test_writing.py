@@ -98,16 +98,19 @@ def test_values_given_as_text(type_: str, value: Any, expected: Any, tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("type_", "start", "other", "read"),
+    ("type_", "start", "changed_value", "read"),
     [("Enumeration", "off", "fast", 5), ("String", "", "text", "text")],
 )
-def test_types_that_not_all_tools_read(type_: str, start: str, other: str, read: Any, tmp_path: Path) -> None:
+def test_types_that_not_all_tools_read(
+    type_: str, start: str, changed_value: str, read: Any, tmp_path: Path
+) -> None:
     """Only the FMU's own start value is possible, and is left out; `lenient` accepts others."""
     fmus = {"j.a": fake_fmu(tmp_path / "a.fmu", f"k:parameter:{type_}", "r:parameter")}
     system = System((Component("j.a", parameters={"k": start, "r": 2.0}),), ())
     assert exported(tmp_path, system, fmus).values("j.a") == {"r": 2.0}
-    changed, words = System((Component("j.a", parameters={"k": other}),), ()), f"not all tools read {type_}s"
-    with pytest.raises(CommandError, match=rf"j\.a\.k = {other} cannot be exported: {words}"):
+    changed = System((Component("j.a", parameters={"k": changed_value}),), ())
+    words = f"not all tools read {type_}s"
+    with pytest.raises(CommandError, match=rf"j\.a\.k = {changed_value} cannot be exported: {words}"):
         exported(tmp_path / "new", changed, fmus)
     assert not any((tmp_path / "new").iterdir())
     with accept_faults(lenient=True) as faults:

@@ -212,6 +212,6 @@ def _reduce_to_table(outline: Outline) -> Outline:
     """Return the outline of the rows in the table."""
     if not _has_all_signals(outline):
         names, units = ([values[i] for i in outline.recorded] for values in (outline.names, outline.units))
-        outline = replace(outline, names=names, units=units, recorded=range(len(names)))
-        outline = replace(outline, roles={}, criteria={})
+        recorded = range(len(names))
+        outline = replace(outline, names=names, units=units, recorded=recorded, roles={}, criteria={})
     return outline

@@ -171,23 +171,15 @@ def _show_table(rows: Sequence[DisplayRow], title: str, prefix: str) -> None:
     name = Column(Text(title), overflow="fold", width=width)
     start = Column("start", overflow="fold", max_width=24)
     mark = Column("", width=1)
-    table = (
-        _make_table(mark, name, start, "meaning")
-        if narrow
-        else _make_table(mark, name, "", start, "range", "meaning")
-    )
+    columns = (mark, name, start) if narrow else (mark, name, "", start, "range")
+    table = _make_table(*columns, "meaning")
     for row in rows:
         style = "cyan" if row.first.settable else ""
         name_cells = Text("+" if style else "", style), Text(row.name.removeprefix(prefix), style)
         start = Text(row.start, style="bold" if row.is_changed else "")
-        if narrow:
-            table.add_row(
-                *name_cells, start, _format_meaning(row, ", ".join(filter(None, (row.kind, row.range))))
-            )
-        else:
-            table.add_row(
-                *name_cells, _make_cell(row.kind), start, _make_cell(row.range), _format_meaning(row)
-            )
+        cells = (start,) if narrow else (_make_cell(row.kind), start, _make_cell(row.range))
+        about = ", ".join(filter(None, (row.kind, row.range))) if narrow else ""
+        table.add_row(*name_cells, *cells, _format_meaning(row, about))
     show_table(table)
 
 

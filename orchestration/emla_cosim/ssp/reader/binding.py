@@ -13,7 +13,6 @@ from ...fmu.parameters.parameter_sets import ParameterSet, SsvParameter
 from ...fmu.variables import explain_fixed
 from ...system.model import Value
 from ..documents.ssd_data import (
-    ComponentElement,
     Element,
     MappingEntry,
     ParameterBinding,
@@ -209,16 +208,13 @@ class _CollectedBindings:
 
     def _find_node(self, element: Element, path: Path_, name: str) -> Node | None:
         """Return the connector or variable of a hierarchical name, relative to an element."""
-        if isinstance(element, ComponentElement):
-            interface = self._wiring.fmus[path].interface
-            return (path, name) if name in interface.variables and interface.is_settable(name) else None
-        if (path, name) in self._wiring.connectors:
-            return path, name
-        if isinstance(element, SystemElement):
-            for inside in self._find_elements(element, path, name):
-                node = self._find_node(inside, (*path, inside.name), name.removeprefix(f"{inside.name}."))
-                if node is not None:
-                    return node
+        for owner, inside in self._list_owners(element, path, name):
+            fmu = self._wiring.fmus.get(owner)
+            is_connector = fmu is None and (owner, inside) in self._wiring.connectors
+            if is_connector or (
+                fmu is not None and inside in fmu.interface.variables and fmu.interface.is_settable(inside)
+            ):
+                return owner, inside
         return None
 
     def _find_elements(self, system: SystemElement, path: Path_, name: str) -> list[Element]:

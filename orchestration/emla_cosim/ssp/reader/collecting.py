@@ -78,10 +78,9 @@ class _Elements:
         variable = fmu.interface.variables.get(connector.name)
         if variable is None and connector.name in fmu.interface.without_value:
             return True  # a connection of it is refused
-        location = connector.location or f"'{self._wiring.where}'"
         if variable is None:
             fault = f"{name} has no variable in '{Path(fmu.component.source).name}'"
-            accept_if_lenient(self._wiring.where, fault, f"{location}: {fault}")
+            accept_if_lenient(self._wiring.where, fault, f"{connector.location}: {fault}")
             return False
         if connector.kind in (*_SOURCE_KINDS, *_TARGET_KINDS) and connector.kind != variable.causality:
             raise self._wiring.fault(
@@ -93,7 +92,7 @@ class _Elements:
             fault = f"{name} is of type {connector.type}, but the variable is of type {exact}"
             if not {connector.type, variable.type} <= _NUMERIC_TYPES:
                 raise self._wiring.fault(f"{fault}.", connector.location)
-            accept_if_lenient(self._wiring.where, fault, f"{location}: {fault}")
+            accept_if_lenient(self._wiring.where, fault, f"{connector.location}: {fault}")
         return True
 
 

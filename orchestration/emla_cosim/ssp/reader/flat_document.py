@@ -87,7 +87,7 @@ def _document(structure: Structure, package: Package) -> SspDocument:
 
     # sizes first: connectors of arrays become one for each element
     root = _find_structures(structure.system, package.name, interface)
-    root = expand_vectors(root, interface, package.name)
+    root = expand_vectors(root, interface)
     wired = collect_wiring(root, package.name, interface)
     values, without_effect = resolve_bindings(root, wired)
     # the sizes were needed before the connections were known

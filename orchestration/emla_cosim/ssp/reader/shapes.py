@@ -18,13 +18,12 @@ _LARGEST = 2**20
 """The largest number of elements of a declared array; as for arrays of FMUs."""
 
 
-def component_shapes(element: Element, interface: Interface, where: str) -> Shapes:
+def component_shapes(element: Element, interface: Interface) -> Shapes:
     """Return the shapes of the array connectors of a component, from the variables of its FMU.
 
     Args:
         element: The component.
         interface: The interface of its FMU.
-        where: The name of the structure in error messages.
 
     Raises:
         CommandError: A declared dimension is not that of the variable.
@@ -35,16 +34,15 @@ def component_shapes(element: Element, interface: Interface, where: str) -> Shap
         if indices := sort_indices(find_indices(connector.name, interface.variables)):
             shapes[connector.name] = indices
         if connector.dimensions and (indices or connector.name in interface.variables):
-            _check_dimensions(connector, element, interface, names, indices, where)
+            _check_dimensions(connector, element, interface, names, indices)
     return shapes
 
 
-def declared_shapes(element: Element, where: str) -> Shapes:
+def declared_shapes(element: Element) -> Shapes:
     """Return the shapes of the array connectors of an element whose dimensions all have a size.
 
     Args:
         element: A system, or the reference to a signal dictionary.
-        where: The name of the structure in error messages.
 
     Raises:
         CommandError: A dimension has the size of a connector that does not exist, or the array is too large.
@@ -52,14 +50,12 @@ def declared_shapes(element: Element, where: str) -> Shapes:
     shapes: Shapes = {}
     names = {c.name for c in element.connectors}
     for connector in element.connectors:
-        _check_size_connectors(connector, names, element, where)
+        _check_size_connectors(connector, names, element)
         sizes = [d.size for d in connector.dimensions if d.size is not None]
         if sizes and len(sizes) == len(connector.dimensions):
             if (count := math.prod(sizes)) > _LARGEST:
-                name = _format_name(element, connector)
-                raise _make_fault(
-                    connector, f"the array {name} has {count} elements, more than {_LARGEST}", where
-                )
+                name = f"{element.name}.{connector.name}"
+                raise _make_fault(connector, f"the array {name} has {count} elements, more than {_LARGEST}")
             shapes[connector.name] = list(list_indices(sizes))
     return shapes
 
@@ -96,26 +92,20 @@ def _format_sizes(sizes: tuple[int, ...]) -> str:
 
 
 def _check_dimensions(
-    connector: Connector,
-    element: Element,
-    interface: Interface,
-    names: set[str],
-    indices: list[str],
-    where: str,
+    connector: Connector, element: Element, interface: Interface, names: set[str], indices: list[str]
 ) -> None:
     """Raise CommandError if a declared dimension is not that of the FMU's variable."""
-    name = _format_name(element, connector)
-    _check_size_connectors(connector, names, element, where)
+    name = f"{element.name}.{connector.name}"
+    _check_size_connectors(connector, names, element)
     sizes = find_sizes(indices)
-    actual = (
-        _describe_sizes(sizes) if sizes else "is a scalar" if not indices else "has other indices than 1 to n"
-    )
+    actual = "has other indices than 1 to n" if indices else "is a scalar"
+    if sizes:
+        actual = f"is an array of {_format_sizes(sizes)}" + (" elements" if len(sizes) == 1 else "")
     if len(sizes) != len(connector.dimensions):
         raise _make_fault(
             connector,
             f"{name} is declared with {format_count(len(connector.dimensions), 'dimension')}, but the "
             f"variable of the FMU {actual}",
-            where,
         )
     for position, (size, declared) in enumerate(
         zip(sizes, _list_declared_sizes(connector, interface), strict=True), 1
@@ -125,7 +115,6 @@ def _check_dimensions(
                 connector,
                 f"dimension {position} of {name} is declared with the size {declared}, but the variable of "
                 f"the FMU {actual}",
-                where,
             )
 
 
@@ -137,25 +126,15 @@ def _list_declared_sizes(connector: Connector, interface: Interface) -> Iterator
         yield dimension.size if start is None else int(float(str(start)))
 
 
-def _check_size_connectors(connector: Connector, names: set[str], element: Element, where: str) -> None:
+def _check_size_connectors(connector: Connector, names: set[str], element: Element) -> None:
     for dimension in connector.dimensions:
         if dimension.connector is not None and dimension.connector not in names:
             raise _make_fault(
                 connector,
-                f"the size of {_format_name(element, connector)} is that of the connector "
+                f"the size of {element.name}.{connector.name} is that of the connector "
                 f"'{dimension.connector}', which does not exist",
-                where,
             )
 
 
-def _describe_sizes(sizes: tuple[int, ...]) -> str:
-    return f"is an array of {_format_sizes(sizes)}" + (" elements" if len(sizes) == 1 else "")
-
-
-def _format_name(element: Element, connector: Connector) -> str:
-    return f"{element.name}.{connector.name}"
-
-
-def _make_fault(connector: Connector, text: str, where: str) -> CommandError:
-    location = connector.location or f"'{where}'"
-    return CommandError(f"{location}: {text}.")
+def _make_fault(connector: Connector, text: str) -> CommandError:
+    return CommandError(f"{connector.location}: {text}.")

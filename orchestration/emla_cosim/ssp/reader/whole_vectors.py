@@ -23,7 +23,7 @@ _Names = Mapping[str | None, Mapping[str, Connector]]
 
 
 def expand_vectors(
-    system: SystemElement, interface: Callable[[ComponentElement], Interface], where: str
+    system: SystemElement, interface: Callable[[ComponentElement], Interface]
 ) -> SystemElement:
     """Return a system with connectors and connections of elements in place of those of arrays.
 
@@ -33,39 +33,38 @@ def expand_vectors(
     Args:
         system: The system.
         interface: Returns the interface of a component's FMU.
-        where: The name of the structure in error messages.
 
     Raises:
         CommandError: A connection joins different shapes, or a shape is not that of the FMU.
     """
-    return _expand(system, interface, where)[0]
+    return _expand(system, interface)[0]
 
 
 def _expand(
-    system: SystemElement, interface: Callable[[ComponentElement], Interface], where: str
+    system: SystemElement, interface: Callable[[ComponentElement], Interface]
 ) -> tuple[SystemElement, Shapes]:
     elements: list[Element] = []
     shapes: dict[str | None, Shapes] = {}
     for element in system.elements:
         if isinstance(element, SystemElement):
-            element, shapes[element.name] = _expand(element, interface, where)
+            element, shapes[element.name] = _expand(element, interface)
         elif isinstance(element, ComponentElement):
-            shapes[element.name] = component_shapes(element, interface(element), where)
+            shapes[element.name] = component_shapes(element, interface(element))
             element = replace(element, connectors=tuple(_expand_connectors(element, shapes[element.name])))
         elif isinstance(element, DictionaryReference):
-            shapes[element.name] = declared_shapes(element, where)
+            shapes[element.name] = declared_shapes(element)
             element = replace(element, connectors=tuple(_expand_connectors(element, shapes[element.name])))
         elements.append(element)
     owners: dict[str | None, Element] = {None: system, **{e.name: e for e in elements}}
     names = {name: {c.name: c for c in owner.connectors} for name, owner in owners.items()}
-    system_shapes = declared_shapes(system, where)
+    system_shapes = declared_shapes(system)
     for x in system.connections:
         for (inside, name, index), (outside, system_name, system_index) in (_ends(x), _ends(x)[::-1]):
             is_whole = outside is None and inside is not None and not (index or system_index)
             if is_whole and (indices := _find_shape(inside, name, shapes, names)):
                 system_shapes.setdefault(system_name, indices)  # a declared size has precedence
     shapes[None] = system_shapes
-    connections = [y for x in system.connections for y in _expand_connection(x, shapes, names, where)]
+    connections = [y for x in system.connections for y in _expand_connection(x, shapes, names)]
     system = replace(system, elements=tuple(elements), connections=tuple(connections))
     return replace(system, connectors=tuple(_expand_connectors(system, system_shapes))), system_shapes
 
@@ -101,11 +100,10 @@ def _expand_connectors(element: Element, shapes: Shapes) -> Iterator[Connector]:
 
 
 def _expand_connection(
-    connection: SsdConnection, shapes: Mapping[str | None, Shapes], names: _Names, where: str
+    connection: SsdConnection, shapes: Mapping[str | None, Shapes], names: _Names
 ) -> Iterator[SsdConnection]:
     """Yield the connections of elements; the connection itself if it is of scalars or has unknown ends."""
-    location = connection.location or f"'{where}'"
-    ends = _ends(connection)
+    label, ends = f"{connection.location}: the connection {connection}", _ends(connection)
     end_shapes = [_find_shape(element, name, shapes, names) for element, name, _ in ends]
     if not all(
         f or name in names.get(element, {}) for f, (element, name, _) in zip(end_shapes, ends, strict=True)
@@ -115,13 +113,10 @@ def _expand_connection(
     for shape, (element, name, _) in zip(end_shapes, ends, strict=True):
         if not shape and names[element][name].dimensions:
             raise CommandError(
-                f"{location}: the connection {connection} joins the array '{name}' of unknown size; give its "
-                "dimensions a size, or connect it inside."
+                f"{label} joins the array '{name}' of unknown size; give its dimensions a size, or connect "
+                "it inside."
             )
-    selected = [
-        _select_indices(f"{location}: the connection {connection}", end, shape)
-        for end, shape in zip(ends, end_shapes, strict=True)
-    ]
+    selected = [_select_indices(label, end, shape) for end, shape in zip(ends, end_shapes, strict=True)]
     are_whole = [bool(shape) and not index for shape, (_, _, index) in zip(end_shapes, ends, strict=True)]
     if any(are_whole) and (are_whole[0] != are_whole[1] or selected[0] != selected[1]):
         sizes = " and ".join(format_count(len(c), "element") for c in selected)
@@ -131,7 +126,7 @@ def _expand_connection(
             )
         else:
             differ = "" if len(selected[0]) != len(selected[1]) else " with other indices"
-        raise CommandError(f"{location}: the connection {connection} joins {sizes}{differ}.")
+        raise CommandError(f"{label} joins {sizes}{differ}.")
     for start, end in zip(*selected, strict=True):
         yield replace(
             connection,
@@ -148,22 +143,16 @@ def _select_indices(link: str, end: _End, shape: list[str]) -> list[str]:
     if not index:
         return shape or [""]
     sizes = find_sizes(shape)
+    selects = f"{link} selects {name}{format_index(index)}"
     if not shape:
-        raise CommandError(f"{link} selects {name}{format_index(index)}, but '{name}' is not an array.")
+        raise CommandError(f"{selects}, but '{name}' is not an array.")
     if not sizes:
-        raise CommandError(
-            f"{link} selects {name}{format_index(index)}, but the FMU has other indices than 1 to n."
-        )
+        raise CommandError(f"{selects}, but the FMU has other indices than 1 to n.")
     if len(index) != len(sizes):
         has = format_count(len(sizes), "dimension")
-        raise CommandError(
-            f"{link} selects {name}{format_index(index)}, but '{name}' has {has}; write one index for each."
-        )
+        raise CommandError(f"{selects}, but '{name}' has {has}; write one index for each.")
     if any(i > n for i, n in zip(index, sizes, strict=True)):
-        raise CommandError(
-            f"{link} selects {name}{format_index(index)}; the elements of '{name}' are {shape[0]} to "
-            f"{shape[-1]}."
-        )
+        raise CommandError(f"{selects}; the elements of '{name}' are {shape[0]} to {shape[-1]}.")
     position = 0
     for i, n in zip(index, sizes, strict=True):
         position = position * n + i - 1

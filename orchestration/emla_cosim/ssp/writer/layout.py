@@ -28,13 +28,14 @@ def add_coordinates(system: SystemElement) -> SystemElement:
         name: max(connector_kinds.count("input"), connector_kinds.count("output"))
         for name, connector_kinds in kinds.items()
     }
-    corners = _place_elements({e.name: e.id or e.name for e in system.elements}, links, most)
+    names = {e.name: e.id or e.name for e in system.elements}
+    corners, row_edges = _place_elements(names, links, most)
     elements = tuple(
         replace(e, extent=corners[e.name], connectors=_position_connectors(e.connectors))
         for e in system.elements
     )
     placed = replace(system, elements=elements, connectors=_position_connectors(system.connectors))
-    return replace(placed, connections=_route(placed))
+    return replace(placed, connections=_route(placed, row_edges))
 
 
 def _position_connectors(connectors: Sequence[Connector]) -> tuple[Connector, ...]:
@@ -51,8 +52,8 @@ def _position_connectors(connectors: Sequence[Connector]) -> tuple[Connector, ..
 
 def _place_elements(
     names: Mapping[str, str], links: Sequence[tuple[str, str]], connectors: Mapping[str, int]
-) -> dict[str, Corners]:
-    """Return the corners x1, y1, x2, y2 of each element in mm.
+) -> tuple[dict[str, Corners], dict[str, float]]:
+    """Return the corners x1, y1, x2, y2 of each element in mm, and the lowest edge of its row.
 
     Connected elements form a row, with each element to the right of its sources. Feedback runs below its row,
     and rows are stacked from top to bottom.
@@ -62,7 +63,7 @@ def _place_elements(
         links: Source and target of each connection.
         connectors: The number of connectors on the side with more of them, by element.
     """
-    corners: dict[str, Corners] = {}
+    corners, row_edges = dict[str, Corners](), dict[str, float]()
     top = 0.0
     for group in _group_connected(list(names), links):
         # a loop of feedback has no other first element
@@ -75,12 +76,13 @@ def _place_elements(
             x, y = column_edges[column], filled[column]
             corners[element] = (x, y - height, x + _WIDTH, y)
             filled[column] = y - height - _GAP_Y
+        row_edges |= dict.fromkeys(group, min(corners[e][1] for e in group))
         below = sum(1 for a, b in links if a in columns and not _is_adjacent(columns, a, b))
         top = min(filled.values()) - _PITCH * (below + 2)
-    return corners
+    return corners, row_edges
 
 
-def _route(system: SystemElement) -> tuple[SsdConnection, ...]:
+def _route(system: SystemElement, row_edges: Mapping[str, float]) -> tuple[SsdConnection, ...]:
     """Return the connections of a placed system with the waypoints of their lines."""
     ends = {
         (e.name, c.name): _locate(e.extent, c.position)
@@ -88,7 +90,6 @@ def _route(system: SystemElement) -> tuple[SsdConnection, ...]:
         for c in e.connectors
         if e.extent is not None and c.position is not None
     }
-    rows = _find_row_edges(system)
     lanes: dict[object, int] = {}  # lines that run side by side must not cover each other
 
     def lane(lane_group: object) -> float:
@@ -102,7 +103,7 @@ def _route(system: SystemElement) -> tuple[SsdConnection, ...]:
         if start is None or end is None:
             routed.append(connection)
             continue
-        floor = rows[connection.start_element or ""]
+        floor = row_edges[connection.start_element or ""]
         out = start[0] + lane(("right of", floor, start[0]))
         gap = end[0] - start[0]
         columns = (e.extent for e in system.elements if e.extent is not None)
@@ -120,17 +121,6 @@ def _route(system: SystemElement) -> tuple[SsdConnection, ...]:
 def _locate(extent: Corners, position: tuple[float, float]) -> tuple[float, float]:
     x1, y1, x2, y2 = extent
     return round(x1 + position[0] * (x2 - x1), 3), round(y1 + position[1] * (y2 - y1), 3)
-
-
-def _find_row_edges(system: SystemElement) -> dict[str, float]:
-    """Return the lowest edge of each element's row."""
-    links = [(c.start_element, c.end_element) for c in system.connections]
-    inside = [(a, b) for a, b in links if a is not None and b is not None]
-    extents = {e.name: e.extent for e in system.elements if e.extent is not None}
-    lowest = {}
-    for group in _group_connected(list(extents), inside):
-        lowest |= dict.fromkeys(group, min(extents[e][1] for e in group))
-    return lowest
 
 
 def _rank_in_flow(name: str) -> int:
