@@ -176,13 +176,13 @@ def type_in_file(type_: Any) -> Any:
     return (float if float in (first, *get_args(first)) else str) | _record_struct(type_)
 
 
-def record(type_: Any, about: str = "") -> Any:
+def record(type_: Any) -> Any:
     """Return the type of an entry that is a dataclass: a table of its fields, or its first field."""
 
     def read(value: Any, at: Location, folder: Path | None) -> Any:
         return convert_value(value, type_, at.label, folder)
 
-    return Annotated[type_in_file(type_), describe(about, read=read)]
+    return Annotated[type_in_file(type_), describe(read=read)]
 
 
 def check_fields(of: Any, type_: type[msgspec.Struct], label: str, without: Collection[str] = ()) -> None:

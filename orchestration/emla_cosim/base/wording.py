@@ -34,10 +34,10 @@ def format_rounded(value: float, digits: int = 3) -> str:
     return f"{value:.0f}" if "e+" in text and abs(value) < _LONG else text
 
 
-def list_few(names: Sequence[str], most: int = 8) -> str:
+def list_few(names: Sequence[str]) -> str:
     """Return the first names, each once, and how many more there are: "a, b and 3 more"."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(dict.fromkeys(names[:most])) + more
+    more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
+    return ", ".join(dict.fromkeys(names[:_FEW])) + more
 
 
 def shorten_line(text: str, most: int) -> str:
@@ -53,6 +53,9 @@ def find_free_name(name: str, used: Container[str]) -> str:
         free, number = f"{name}_{number}", number + 1
     return free
 
+
+_FEW = 8
+"""Most names to list in a message."""
 
 _LONG = 1e12
 """Rounded numbers from here on have an exponent."""

@@ -279,5 +279,6 @@ def _percent(share: float) -> str:
 
 def _round_step(step: float) -> str:
     """Return a step in s, rounded down to 1, 2 or 5 times a power of ten."""
+    # 5e-5 rather than 5e-05, to be copied into a command
     power = 10.0 ** math.floor(math.log10(step))
     return f"{max(n for n in (1, 2, 5) if n * power <= step * (1.0 + 1e-9)) * power:.0e}".replace("e-0", "e-")

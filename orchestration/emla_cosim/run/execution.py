@@ -154,7 +154,7 @@ class ActiveRun:
             for recorder in self.recorders:
                 with recording(recorder):
                     recorder.begin(self.outline, memories.get(recorder.key))
-                self._begun.append(recorder)
+                self._begun.append(recorder)  # others get no rows, and are not ended
             self.stepping.algorithm.initialize(times.start, stop_time)
             if self.resumed is None:
                 self.stepping.record(self._rows)
@@ -174,7 +174,7 @@ class ActiveRun:
         with self._end_on_failure(), catch_interrupts() as is_interrupted:
             self._pause()
             if pacing is not None and not self._is_paced:
-                self._is_paced = True
+                self._is_paced = True  # real time does not count the initialization
                 pacing.begin(self.stepping.time)
             simulate(
                 self.stepping,
@@ -192,7 +192,7 @@ class ActiveRun:
     def end(self) -> None:
         """Pass the remaining rows to the recorders, and end them."""
         start = time.perf_counter()
-        self.over = True
+        self.over = True  # first, so that `discard` does not end recorders a second time
         try:
             if self.error is None:
                 with self._end_on_failure():
@@ -258,6 +258,7 @@ class ActiveRun:
         """End the run because of an error outside of the recorders."""
         if self.error is None:
             at, stepped = self.stepping.time, isinstance(cause, RunError) and self.stepping.steps > 0
+            # before the first step, the algorithm cannot have caused it
             warning = self.stepping.algorithm.warning() if stepped else None
             text = str(error) if warning is None else f"{error} {warning}"
             self.error = RunError(f"the run ended at t = {at:.6g} s: {text}", time=at, **error.fields)

@@ -101,7 +101,7 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         implied = (
             n for n, kind in STEP_SIZE_CONTROLS.items() if not list_names(kind).isdisjoint(option_names)
         )
-        return next(implied, next(iter(STEP_SIZE_CONTROLS)))
+        return next(implied, next(iter(STEP_SIZE_CONTROLS)))  # fixed steps are the first
 
     def replacements(self) -> dict[str, Replacement]:
         """Return the replacements by component, with the files of the option `mapping`.

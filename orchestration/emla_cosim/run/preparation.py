@@ -173,6 +173,7 @@ def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str
     models |= {m: find_block(m) for m in models if isinstance(m, str) and ".py:" in m}
     progress.begin("preparing", len(models) + 1)
     built = {}
+    # all of them before the first FMU is built
     for block in models.values():
         check_build_path(block, options.flavour, options.fmus, options.overwrite)
     for model, block in models.items():

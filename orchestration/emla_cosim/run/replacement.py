@@ -130,7 +130,7 @@ class _VariableMatcher:
             self._parameter(name)
         self._report_connected(outputs)
         self.matches += self._free(inputs)
-        if any(match.fatal for match in self.matches):
+        if any(match.fatal for match in self.matches):  # then a mapping may help
             self.matches += self._unused()
 
     def _target(self, name: str) -> str:

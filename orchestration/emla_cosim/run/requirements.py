@@ -45,7 +45,7 @@ class Requirement:
 
     def met_by(self, figure: Any) -> bool:
         """Return whether a value meets the condition. Missing, NaN and values of other types do not."""
-        if isinstance(figure, bool) != isinstance(self.value, bool):
+        if isinstance(figure, bool) != isinstance(self.value, bool):  # Python takes True for 1
             return False
         if not isinstance(figure, (bool, int, float)):
             return False

@@ -167,6 +167,7 @@ class Result:
                     f"; did you mean {' or '.join(near)}?" if near else "; `names` lists those that were."
                 )
                 raise CommandError(f"the signal '{name}' was not recorded{advice}", name=name, near=near)
+        # two names can mean one signal
         table = self._table.read(list(dict.fromkeys(full_names.values())), most)
         return {n: self.types.get(full, REAL).convert(table[full]) for n, full in full_names.items()}
 

@@ -104,6 +104,7 @@ class Simulation:
             prepared = prepare_system(system, self.options, progress)
             self.system = prepared.system
             self._assembly = Assembly(self.system, prepared.fmus, isolated, self.options.integrate_together)
+        # frees the FMUs of a simulation that is not closed
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: ActiveRun | None = None
         self._last_run: ActiveRun | None = None  # freed late, because freeing an FMU may fail
@@ -293,6 +294,7 @@ class Simulation:
             raise CommandError("the simulation is closed; prepare it again.")
         values = self._read_options(options)
         run_options = self.options.merged(values)
+        # of the main component, the name of a variable is enough
         roles = {role: self._complete(name) for role, name in run_options.roles.items()}
         run_options = replace(run_options, roles=self._default_roles | roles)
         plan = replace(

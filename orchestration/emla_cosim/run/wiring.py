@@ -50,6 +50,7 @@ def wire_run(
         recorded, fallback = choose_fallback_signals(unexchanged.values())
         plan = replace(plan, recorded=recorded)
     observed = dict.fromkeys([*assembly.outputs, *plan.recorded, *(c.figure for c in plan.conditions)])
+    # the network has exchanged variables and outputs; others are read in addition
     assembly.observe([name for name in observed if name in unexchanged], plan.every)
     with contextlib.ExitStack() as on_error:
         profiler = None
@@ -86,6 +87,7 @@ def wire_run(
             plan,
             definition,
             [
+                # the first number of a row is the time
                 StopCondition(c, 1 + (i := position[c.figure]), assembly.shown.get(i, IDENTITY))
                 for c in plan.conditions
             ],
