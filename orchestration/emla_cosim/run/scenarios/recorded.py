@@ -54,7 +54,7 @@ def load_recorded_run(path: Path, overrides: Mapping[str, Any]) -> RecordedRun:
     source, changed = content["source"], content.get("changed")
     if source is None:
         raise CommandError(f"{where} has a system that was made in Python; repeat the run in Python.")
-    # the record of a record would load itself for ever
+    # a record whose source is a record could load itself endlessly
     if not isinstance(source, str) or not source or source.lower().endswith(".json"):
         raise CommandError(f"{where} has the source {source!r}; it must be the name or path of a scenario.")
     if not isinstance(changed, dict):
