@@ -86,9 +86,13 @@ def _describe_change(name: str, earlier: Any, current: Any) -> Iterator[str]:
     if parts is not None:
         yield from dict.fromkeys(text for pair in parts for text in _describe_change(name, *pair))
     elif earlier != current:
-        texts = isinstance(earlier, str) and isinstance(current, str)
-        # the same file in another folder
-        if not (texts and Path(current).is_absolute() and Path(current).name == Path(earlier).name):
+        is_same_file = (  # perhaps in another folder
+            isinstance(earlier, str)
+            and isinstance(current, str)
+            and Path(current).is_absolute()
+            and Path(current).name == Path(earlier).name
+        )
+        if not is_same_file:
             yield name
 
 
