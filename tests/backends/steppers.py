@@ -33,7 +33,7 @@ class Algorithm:
 
 
 INPUTS = {"none": {"held inputs"}, "master": {"held inputs"}, "fmu": {"lines"}}
-"""What FMUs are told of their inputs within a step, by extrapolation."""
+"""What FMUs know of their inputs within a step, by extrapolation."""
 
 
 def fixed(algorithm: str, extrapolation: str = "none") -> Algorithm:
@@ -197,9 +197,9 @@ def run(bench: Bench, task: Task, kind: int | str = 2, flavour: str = "native", 
 
 
 def run_with_few_rows(bench: Bench, task: Task, interval: int, **options: Any) -> Outcome:
-    found = run(bench, task, output_interval=interval * task.entry.step, **options)
-    report = {k: v for k, v in found.report.items() if k in ("problem", "steps", "end_s", "stepping")}
-    return Outcome(found.columns, report, found.is_whole, slice(None, None, interval))
+    outcome = run(bench, task, output_interval=interval * task.entry.step, **options)
+    report = {k: v for k, v in outcome.report.items() if k in ("problem", "steps", "end_s", "stepping")}
+    return Outcome(outcome.columns, report, outcome.is_whole, slice(None, None, interval))
 
 
 def run_in_parts(bench: Bench, task: Task) -> Outcome:
@@ -211,11 +211,11 @@ def run_in_parts(bench: Bench, task: Task) -> Outcome:
 
 
 def resume(bench: Bench, task: Task) -> Outcome:
-    """Save a checkpoint after half of the steps, and go on from it."""
-    place = bench.path("half.checkpoint")
+    """Save a checkpoint after half of the steps, and resume from it."""
+    path = bench.path("half.checkpoint")
     half = task.time(task.entry.steps // 4 * 2)
-    first = run(bench, task, stop_time=half, checkpoint=place)
-    second = run(bench, task, resume=place)
+    first = run(bench, task, stop_time=half, checkpoint=path)
+    second = run(bench, task, resume=path)
     columns = {n: np.concatenate([first.columns[n], second.columns[n]]) for n in first.columns}
     report = {n: second.report[n] for n in ("problem", "end_s")}
     return Outcome(columns, report, second.is_whole)
@@ -284,14 +284,14 @@ class Stepper:
 
 
 VERSIONS = {"blocks", "scenario", "Model Exchange"}
-WHOLE = {"failure", "error control"}
+PARTIAL_RUNS = {"failure", "error control"}
 HALVES = {"failure", "free rows", "Model Exchange"}  # integrators restart at each checkpoint
 OLD = {
     "lines",
     "data",
     "array loop",
 }  # FMI 3.0 has no derivatives of inputs, and dependencies of whole arrays
-ONE_FMU = {*WHOLE, "Model Exchange"}
+ONE_FMU = {*PARTIAL_RUNS, "Model Exchange"}
 
 STEPPERS: dict[str, Stepper] = {
     "C": Stepper(run),
@@ -309,20 +309,18 @@ STEPPERS: dict[str, Stepper] = {
         by_default=[("multirate", "gauss-seidel")],
     ),
     "every third row": Stepper(
-        partial(run_with_few_rows, interval=3), lacks=WHOLE, by_default=[("multirate", "jacobi")]
+        partial(run_with_few_rows, interval=3), lacks=PARTIAL_RUNS, by_default=[("multirate", "jacobi")]
     ),
     "in parts": Stepper(
         run_in_parts,
-        lacks=WHOLE,
+        lacks=PARTIAL_RUNS,
         by_default=[("multirate", "strong, lines"), ("discarded steps", "strong, middles")],
     ),
     "checkpoint": Stepper(resume, lacks=HALVES),
     "isolated": Stepper(
         partial(run_isolated, first_alone=False),
         lacks={"grouped"},
-        by_default=[
-            ("types of FMI 3.0", "gauss-seidel"),
-        ],
+        by_default=[("types of FMI 3.0", "gauss-seidel")],
     ),
     "one isolated": Stepper(
         partial(run_isolated, first_alone=True),
@@ -339,20 +337,13 @@ STEPPERS: dict[str, Stepper] = {
         by_default=[("lift, sampled", "jacobi, middles")],
     ),
     "container of FMI 2.0": Stepper(
-        partial(run_container, fmi=2),
-        lacks=ONE_FMU,
-        by_default=[("multirate", "strong, lines")],
+        partial(run_container, fmi=2), lacks=ONE_FMU, by_default=[("multirate", "strong, lines")]
     ),
     "container of FMI 3.0": Stepper(
-        partial(run_container, fmi=3),
-        lacks=ONE_FMU,
-        by_default=[("types of FMI 3.0", "gauss-seidel")],
+        partial(run_container, fmi=3), lacks=ONE_FMU, by_default=[("types of FMI 3.0", "gauss-seidel")]
     ),
     "container of parts of FMI 3.0": Stepper(
-        partial(run_container, fmi=3, kind=3),
-        lacks={*ONE_FMU, *OLD},
-        needs=VERSIONS,
-        by_default=(),
+        partial(run_container, fmi=3, kind=3), lacks={*ONE_FMU, *OLD}, needs=VERSIONS, by_default=()
     ),
     "container in a system": Stepper(run_container_in_a_system, lacks=ONE_FMU, by_default=()),
     "C code": Stepper(

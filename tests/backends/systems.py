@@ -110,11 +110,11 @@ class Mirror(Block):
 
     u = Input()
     gain = Parameter(1.0)
-    leap = Parameter(0.0)
+    rise = Parameter(0.0)
     y = Output()
 
     def outputs(self, v: Any) -> dict[str, Any]:
-        return {"y": where(v.time > 0.26, v.u + v.leap, 1.0 + v.gain * v.u)}
+        return {"y": where(v.time > 0.26, v.u + v.rise, 1.0 + v.gain * v.u)}
 
 
 class Pid(Block):
@@ -411,11 +411,7 @@ def data(parts: Parts) -> ec.System:
 LIFT: dict[str, Any] = {"step": 1e-4, "steps": 30}
 SAMPLED = {"lift.controller": 5, "lift.observer": 2}
 ME = {"has": {"Model Exchange"}, "step": 0.05}
-TICKS: dict[str, Any] = {
-    "step": 0.125,
-    "has": {"events"},
-    "lacks": {"error control"},
-}
+TICKS: dict[str, Any] = {"step": 0.125, "has": {"events"}, "lacks": {"error control"}}
 
 SYSTEMS: dict[str, Entry] = {
     "rigid load": Entry(rigid_load, has={"blocks", "direct loop"}, lacks={"explicit error control"}),
@@ -507,7 +503,7 @@ MESSAGES = {
 def unsolvable(parts: Parts) -> ec.System:
     """x = y, y = x + 1 from 0.25 s on."""
     components = {"a": parts.block(Mirror), "b": parts.block(Mirror)}
-    return ec.System.of(components, ["b.y -> a.u", "a.y -> b.u"], {"a.leap": 1.0, "a.gain": -0.5})
+    return ec.System.of(components, ["b.y -> a.u", "a.y -> b.u"], {"a.rise": 1.0, "a.gain": -0.5})
 
 
 REPEATED, WITH_LINES = {"explicit"}, {"held inputs"}
@@ -518,9 +514,9 @@ LACKS = {Fault.GET_STATE: REPEATED, Fault.SET_STATE: REPEATED, Fault.SET_DERIVAT
 def moving_loop_with_a_fault(fmu: Path, fault: Fault, at: float) -> ec.System:
     """A loop that an offset sets in motion, so that strong coupling has to repeat steps."""
     system = loop_with_a_fault(fmu, fault, at)
-    first, *others = system.connections
+    first, *remaining = system.connections
     first = dataclasses.replace(first, transformation=ec.LinearTransformation(1.0, 1.0))
-    return dataclasses.replace(system, connections=(first, *others))
+    return dataclasses.replace(system, connections=(first, *remaining))
 
 
 def fails(fault: Fault, is_loop: bool) -> Entry:
@@ -580,9 +576,7 @@ FAILING: dict[str, Entry] = {
         is_loop=True,
     ),
     "FMI 3.0: returns early": fails_in_fmi_3(
-        ", which was not allowed",
-        {"b.fault": 3, "b.end": 0.5},
-        "a.Int32_out -> b.Int16_in",
+        ", which was not allowed", {"b.fault": 3, "b.end": 0.5}, "a.Int32_out -> b.Int16_in"
     ),
     "FMI 3.0: wants event mode": fails_in_fmi_3(
         "asked for event mode, which is not used", {"b.fault": 4, "b.end": 0.5}, is_loop=True

@@ -61,26 +61,26 @@ def test_code_of_components_does_what_they_do_in_a_run(
         source = tmp_path / f"control_{precision}.c"
         scenario.export(source, components=CONTROL, precision=precision)
         code = Code(source)
-        found, expected = follow(code, run, system).swapaxes(0, 1)
+        actual, expected = follow(code, run, system).swapaxes(0, 1)
         spread = np.ptp(expected, axis=0)
         assert (spread > 0.0).all()
         if precision == "double":
-            assert found.tobytes() == expected.tobytes()
+            assert actual.tobytes() == expected.tobytes()
             assert code.start(0.25) is None  # a second start forgets the first run
-            assert code.output(code.signals[0]) != found[-1, 0]
+            assert code.output(code.signals[0]) != actual[-1, 0]
         else:
-            error = np.median(np.abs(found - expected), axis=0)
+            error = np.median(np.abs(actual - expected), axis=0)
             assert (error < 0.02 * spread).all() and error.any()
 
 
 @pytest.mark.parametrize(("joint", "step"), [("lift", 1e-4), ("prototype", 1e-3)])
-def test_the_header_has_the_step_of_the_components(
+def test_header_has_the_step_of_the_components(
     joint: str, step: float, fmu_folder: Path, tmp_path: Path
 ) -> None:
     source = tmp_path / "control.c"
     ec.load(joint, fmus=fmu_folder).export(source, components=CONTROL)
-    found = re.search(r"_STEP (\S+)", source.with_suffix(".h").read_text())
-    assert found is not None and float(found[1]) == step
+    definition = re.search(r"_STEP (\S+)", source.with_suffix(".h").read_text())
+    assert definition is not None and float(definition[1]) == step
 
 
 @pytest.mark.parametrize(
@@ -96,13 +96,13 @@ def test_components_may_have_any_names(first: str, second: str, tmp_path: Path) 
     ec.load(system, step_size=0.01, stop_time=1.0).export(source, components=["*"])
     code = Code(source)
     assert code.start() is None and code.step()
-    whole = next(field for field, name in code.names.items() if name == f"{second}.n")
-    setattr(code.parameters, whole, 2.5)
+    integer_field = next(field for field, name in code.names.items() if name == f"{second}.n")
+    setattr(code.parameters, integer_field, 2.5)
     wrong = code.start()
     assert wrong is not None and wrong.startswith(f"{second}.n ") and "no whole number" in wrong
 
 
-def test_a_wrong_parameter_is_named(fmu_folder: Path, tmp_path: Path) -> None:
+def test_invalid_parameter_is_named(fmu_folder: Path, tmp_path: Path) -> None:
     source = tmp_path / "control.c"
     ec.load("lift", fmus=fmu_folder).export(source, components=CONTROL)
     code = Code(source)
@@ -120,11 +120,11 @@ def test_a_wrong_parameter_is_named(fmu_folder: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_parameters_in_c_are_those_of_set(fmu_folder: Path, tmp_path: Path) -> None:
+def test_parameters_in_c_match_set(fmu_folder: Path, tmp_path: Path) -> None:
     """A parameter that is set in C gives what the same one gives in the scenario."""
     results = []
-    for place, options in ((1, {}), (2, {"set": {"lift.controller.beta[2]": 123.0}})):
-        source = tmp_path / f"control{place}.c"
+    for number, options in ((1, {}), (2, {"set": {"lift.controller.beta[2]": 123.0}})):
+        source = tmp_path / f"control{number}.c"
         ec.load("lift", fmus=fmu_folder, **options).export(source, components=CONTROL)
         code = Code(source)
         setattr(code.parameters, code.field("lift.controller.beta[2]"), 123.0)
@@ -151,11 +151,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
         {"components": CONTROL, "outputs": ["lift.plant.x_L"]},
         "no output matches 'lift.plant.x_L'; did you mean lift.controller.u_q",
     ),
-    (
-        "x.c",
-        {"components": CONTROL, "algorithm": "strong"},
-        "plain C has no strong coupling; add",
-    ),
+    ("x.c", {"components": CONTROL, "algorithm": "strong"}, "plain C has no strong coupling; add"),
     ("x.c", {"components": CONTROL, "extrapolation": "fmu"}, "plain C does not extrapolate inputs; add"),
     (
         "x.c",
@@ -171,7 +167,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("name", "options", "message"), REFUSED)
-def test_what_a_file_cannot_hold_is_refused(
+def test_options_that_the_file_type_does_not_support(
     name: str, options: dict[str, Any], message: str, fmu_folder: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(CommandError) as refused:
@@ -180,7 +176,7 @@ def test_what_a_file_cannot_hold_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_fmu_file_cannot_be_plain_c(fmu_folder: Path, tmp_path: Path) -> None:
+def test_fmu_file_cannot_be_plain_c(fmu_folder: Path, tmp_path: Path) -> None:
     fmu = shutil.copy(fmu_folder / "EmlaObserver/EmlaObserver.fmu", tmp_path / "mine.fmu")
     with pytest.raises(CommandError, match="is an FMU file; only blocks of Python can be plain C"):
         ec.load(str(fmu)).export(tmp_path / "out.c", components=["*"])
@@ -192,12 +188,12 @@ def emla(fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> C
     return lambda *options: CliRunner().invoke(app, ["export", "lift", *options, "--fmus", str(fmu_folder)])
 
 
-def test_the_command_writes_both_files_and_replaces_only_its_own(
+def test_command_writes_both_files_and_replaces_only_its_own(
     emla: Callable[..., Result], tmp_path: Path
 ) -> None:
     options = ("control.c", "--components", "controller", "--outputs", "lift.controller.*")
-    done = emla(*options)
-    assert done.exit_code == 0 and "control.c" in done.output and "control.h" in done.output
+    result = emla(*options)
+    assert result.exit_code == 0 and "control.c" in result.output and "control.h" in result.output
     first = (tmp_path / "control.c").read_bytes(), (tmp_path / "control.h").read_bytes()
     assert b"lift.controller.saturated" in first[1] and emla(*options).exit_code == 0
     assert first == ((tmp_path / "control.c").read_bytes(), (tmp_path / "control.h").read_bytes())
@@ -210,7 +206,7 @@ def test_the_command_writes_both_files_and_replaces_only_its_own(
     assert (tmp_path / "control.h").read_bytes() == first[1]
 
 
-def test_the_code_needs_nothing_but_mathematics(fmu_folder: Path, tmp_path: Path) -> None:
+def test_code_needs_only_the_mathematics_library(fmu_folder: Path, tmp_path: Path) -> None:
     source = tmp_path / "control.c"
     ec.load("lift", fmus=fmu_folder).export(source, components=CONTROL)
     included = re.findall(r"#include (\S+)", source.read_text() + source.with_suffix(".h").read_text())
@@ -221,12 +217,12 @@ def test_the_code_needs_nothing_but_mathematics(fmu_folder: Path, tmp_path: Path
 def build(*arguments: Any) -> None:
     """Run the compiler for C."""
     command = [*COMPILER[:3], *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert process.returncode == 0, process.stderr
 
 
 @pytest.mark.slow
-def test_a_program_in_cpp_can_call_it(fmu_folder: Path, tmp_path: Path) -> None:
+def test_program_in_cpp_can_call_it(fmu_folder: Path, tmp_path: Path) -> None:
     source, main = tmp_path / "control.c", tmp_path / "main.cpp"
     ec.load("lift", fmus=fmu_folder).export(source, components=CONTROL)
     main.write_text(

@@ -1,4 +1,4 @@
-"""Systems with events, clocks, Strings and Binary values as one FMU: what a host sets, reads and is told.
+"""Systems with events, clocks, Strings and Binary values as one FMU: values of a host, and messages.
 
 That rows have the bits of a run without a host that sets anything is shown in test_matrix.py.
 """
@@ -25,7 +25,7 @@ from tests.support.hand_written_fmus import build_all_types_3_fmu, build_all_typ
 from tests.support.tiers import mostly_slow
 
 STEP, STEPS = 0.125, 16
-WHOLE = ("a.bounces", "a.count", "a.latched")
+INTEGERS = ("a.bounces", "a.count", "a.latched")
 ENDLESS_UPDATES, ENDLESS_RETURNS, UNEXPECTED_EVENT, UNEXPECTED_RETURN, NO_TIME = range(1, 6)
 both_versions = pytest.mark.parametrize("fmi", mostly_slow([2, 3], [2]))
 
@@ -44,7 +44,7 @@ def clocked_fmus(clocked: ec.Scenario, tmp_path_factory: pytest.TempPathFactory)
     return {fmi: clocked.export(folder / f"{fmi}.fmu", outputs=["*"], fmi=fmi) for fmi in (2, 3)}
 
 
-def given(k: int) -> dict[str, float]:
+def inputs_before(k: int) -> dict[str, float]:
     """Return what is set before step k; some values stay for several steps."""
     return {"a.u": 1.0 + 0.25 * k, "a.n": float(k // 3), "a.w": float(k // 2) - 3.0}
 
@@ -60,7 +60,7 @@ def set_all(host: Host, values: Mapping[str, float]) -> None:
 
 def read_all(host: Host) -> list[float]:
     get_whole = host.fmu.getInteger if host.version == 2 else host.fmu.getInt32
-    return [*host.read(["a.x", "a.sum"]), *get_whole([host.references[n] for n in WHOLE])]
+    return [*host.read(["a.x", "a.sum"]), *get_whole([host.references[n] for n in INTEGERS])]
 
 
 @pytest.fixture(scope="module")
@@ -70,10 +70,10 @@ def expected(clocked: ec.Scenario) -> list[list[float]]:
     with clocked.prepare() as simulation:
         simulation.start()
         for k in range(STEPS):
-            for name, value in given(k).items():
+            for name, value in inputs_before(k).items():
                 simulation[name] = value
             simulation.advance((k + 1) * STEP)
-            rows.append([float(simulation[n]) for n in ("a.x", "a.sum", *WHOLE)])
+            rows.append([float(simulation[n]) for n in ("a.x", "a.sum", *INTEGERS)])
         simulation.finish()
     assert np.ptp(rows, axis=0).all(), "everything changes"
     return rows
@@ -85,28 +85,28 @@ def test_inputs_that_change_in_event_mode_and_at_ticks(
 ) -> None:
     """Also after a state from another instance, which has the clocks and the values that wait for a tick."""
     half = STEPS // 2
-    with Host(clocked_fmus[fmi], tmp_path) as host, Host(clocked_fmus[fmi], tmp_path / "other") as other:
+    with Host(clocked_fmus[fmi], tmp_path) as host, Host(clocked_fmus[fmi], tmp_path / "other") as second:
         host.start()
         for k in range(half):
-            set_all(host, given(k))
-            assert host["a.w"] == given(k)["a.w"]
+            set_all(host, inputs_before(k))
+            assert host["a.w"] == inputs_before(k)["a.w"]
             host.step(k * STEP, STEP)
             assert read_all(host) == expected[k]
-        set_all(host, given(half))
+        set_all(host, inputs_before(half))
         content = host.serialize(state := host.save())
         host.free(state)
-        other.start()
-        other.step(0.0, 3 * STEP)
-        other.restore(other.deserialize(content))
-        for one in (host, other):
-            one.step(half * STEP, STEP)
+        second.start()
+        second.step(0.0, 3 * STEP)
+        second.restore(second.deserialize(content))
+        for instance in (host, second):
+            instance.step(half * STEP, STEP)
             for k in range(half + 1, STEPS):
-                set_all(one, given(k))
-                one.step(k * STEP, STEP)
-                assert read_all(one) == expected[k]
+                set_all(instance, inputs_before(k))
+                instance.step(k * STEP, STEP)
+                assert read_all(instance) == expected[k]
 
 
-def test_an_event_after_going_back_is_at_the_time_of_the_state(
+def test_event_after_going_back_is_at_the_time_of_the_state(
     clocked_fmus: Mapping[int, Path], tmp_path: Path
 ) -> None:
     """A value that is set then causes one; clocks whose ticks are after this time must wait."""
@@ -125,14 +125,14 @@ def test_an_event_after_going_back_is_at_the_time_of_the_state(
 
 
 @pytest.mark.slow
-def test_a_reset_forgets_ticks_and_values(
+def test_reset_forgets_ticks_and_values(
     clocked_fmus: Mapping[int, Path], expected: list[list[float]], tmp_path: Path
 ) -> None:
     with Host(clocked_fmus[3], tmp_path) as host:
         for _ in range(2):
             host.start()
             for k in range(4):
-                set_all(host, given(k))
+                set_all(host, inputs_before(k))
                 host.step(k * STEP, STEP)
                 assert read_all(host) == expected[k]
             host.fmu.reset()
@@ -140,7 +140,7 @@ def test_a_reset_forgets_ticks_and_values(
 
 @pytest.mark.slow
 @both_versions
-def test_the_checks_of_fmus_find_nothing(fmi: int, clocked_fmus: Mapping[int, Path]) -> None:
+def test_verify_reports_no_problems(fmi: int, clocked_fmus: Mapping[int, Path]) -> None:
     """They read and set each variable in each mode; the component refuses clocked variables between ticks."""
     result = CliRunner().invoke(app, ["verify", str(clocked_fmus[fmi])])
     assert result.exit_code == 0, result.output
@@ -186,24 +186,22 @@ def run_with_fault(
 
 
 @pytest.mark.parametrize(("fault", "flags", "words"), mostly_slow(FAULTS, FAULTS[:1]), ids=str)
-def test_what_goes_wrong_in_events_is_reported(
-    fault: int, flags: dict[str, Any], words: str, tmp_path: Path
-) -> None:
+def test_errors_in_events_are_reported(fault: int, flags: dict[str, Any], words: str, tmp_path: Path) -> None:
     failed, messages = run_with_fault(fault, flags, tmp_path)
     assert failed and any(words in message and "a" in message for message in messages), messages
 
 
 @pytest.mark.slow
-def test_an_early_return_without_declaration_is_accepted_with_a_warning(tmp_path: Path) -> None:
+def test_early_return_without_declaration_is_accepted_with_a_warning(tmp_path: Path) -> None:
     failed, messages = run_with_fault(0, {"early": False}, tmp_path)
     assert not failed and messages == []
     failed, messages = run_with_fault(UNEXPECTED_RETURN, {"early": False}, tmp_path / "again")
-    said = [m for m in messages if "returned early" in m and "without declaring it" in m]
-    assert not failed and len(said) == 1
+    warnings = [m for m in messages if "returned early" in m and "without declaring it" in m]
+    assert not failed and len(warnings) == 1
 
 
 @both_versions
-def test_a_component_that_wants_the_end_ends_the_simulation(fmi: int, tmp_path: Path) -> None:
+def test_component_can_end_the_simulation(fmi: int, tmp_path: Path) -> None:
     failed, messages = run_with_fault(0, {}, tmp_path, fmi, end=0.3)
     assert failed and any("asks to end the simulation" in m for m in messages)
 
@@ -245,11 +243,11 @@ def test_sources_compile_without_warnings(
             for compiler in COMPILERS.values():
                 commands.append([*compiler, *flags, "-c", str(source), "-o", f"{source}.{len(commands)}.o"])
     with ThreadPoolExecutor() as pool:
-        done = list(
+        processes = list(
             pool.map(lambda x: subprocess.run(x, capture_output=True, text=True, check=False), commands)
         )
-    assert len(done) > 4 * len(COMPILERS)
-    assert [x.stderr[:2000] for x in done if x.returncode != 0] == []
+    assert len(processes) > 4 * len(COMPILERS)
+    assert [x.stderr[:2000] for x in processes if x.returncode != 0] == []
 
 
 # ---- Strings and Binary values -------------------------------------------------------------------
@@ -270,8 +268,8 @@ def test_strings_and_binary_values_pass_as_in_a_run(tmp_path: Path) -> None:
     with Host(exported, tmp_path) as host:
         host.start()
         for k in range(STEPS + 1):
-            found = host.fmu.getString([host.references[n] for n in texts])
-            assert found == [run[n][k] for n in texts]
+            strings = host.fmu.getString([host.references[n] for n in texts])
+            assert strings == [run[n][k] for n in texts]
             assert host.fmu.getInt32([host.references[n] for n in numbers]) == [run[n][k] for n in numbers]
             host.step(k * STEP, STEP) if k < STEPS else None
 

@@ -77,13 +77,13 @@ def test_no_component_steps_past_the_stop_time(
     export: Callable[..., Path], fmi: int, case: tuple[float, float, int, int, dict[str, Any]]
 ) -> None:
     start, step, steps, multiple, options = case
-    whole = start + steps * step
-    fmu = export(fmi, step, whole, start_time=start, **options)
-    expected = simulate(fmu, start, whole, step, multiple * step)
-    for stop in (math.nextafter(whole, 0.0), whole, math.nextafter(whole, 2.0 * whole)):
+    end = start + steps * step
+    fmu = export(fmi, step, end, start_time=start, **options)
+    expected = simulate(fmu, start, end, step, multiple * step)
+    for stop in (math.nextafter(end, 0.0), end, math.nextafter(end, 2.0 * end)):
         rows = simulate(fmu, start, stop, step, multiple * step)
         assert rows["a.reached"][-1] <= stop and rows["b.reached"][-1] <= stop
-        assert rows["a.reached"][-1] == pytest.approx(whole, rel=1e-15, abs=0.0)
+        assert rows["a.reached"][-1] == pytest.approx(end, rel=1e-15, abs=0.0)
         assert np.array_equal(rows["a.x"][:-1], expected["a.x"][: len(rows) - 1])
         assert rows["b.x"][-1] == pytest.approx(expected["b.x"][-1], rel=1e-14)
 

@@ -25,15 +25,11 @@ from emla_cosim.cli.app import app
 from fmublock.archive import write_archive
 from fmublock.platforms import host_platform
 from tests.support.container_host import Host
-from tests.support.hand_written_fmus import (
-    build_all_types_3_fmu,
-    build_all_types_fmu,
-    edit_description,
-)
+from tests.support.hand_written_fmus import build_all_types_3_fmu, build_all_types_fmu, edit_description
 from tests.support.tiers import mostly_slow
 
 STEP = 1e-4
-SHORT: dict[str, Any] = {"step_size": 0.01, "stop_time": 0.1, "output_interval": 0.01}
+SHORT_RUN: dict[str, Any] = {"step_size": 0.01, "stop_time": 0.1, "output_interval": 0.01}
 TYPES = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 both_versions = pytest.mark.parametrize("fmi", [2, 3])
 
@@ -101,10 +97,10 @@ def without_sources(fmu: Path, path: Path) -> Path:
 
 
 @both_versions
-def test_a_saved_state_continues_with_the_same_bits(
+def test_saved_state_continues_with_the_same_bits(
     fmi: int, lifts: Mapping[int, Path], tmp_path: Path
 ) -> None:
-    with Host(lifts[fmi], tmp_path) as host, Host(lifts[fmi], tmp_path / "other") as other:
+    with Host(lifts[fmi], tmp_path) as host, Host(lifts[fmi], tmp_path / "other") as second:
         host.start()
         host.step(0.0, 30 * STEP)
         state = host.save()
@@ -116,14 +112,14 @@ def test_a_saved_state_continues_with_the_same_bits(
             host.step(k * STEP, STEP)
         assert host.read() == expected
         host.free(state)
-        other.start()
-        other.restore(other.deserialize(content))
-        other.step(30 * STEP, 30 * STEP)
-        assert other.read() == expected
+        second.start()
+        second.restore(second.deserialize(content))
+        second.step(30 * STEP, 30 * STEP)
+        assert second.read() == expected
         damaged = content[:-9] + bytes([content[-9] ^ 1]) + content[-8:]
         with pytest.raises(FMICallException):
-            other.deserialize(damaged)
-        assert "damaged" in other.messages[-1]
+            second.deserialize(damaged)
+        assert "damaged" in second.messages[-1]
 
 
 @both_versions
@@ -174,15 +170,15 @@ def test_impossible_steps_are_refused(
 
 
 def test_rounded_times_of_a_host_give_the_same_bits(lifts: Mapping[int, Path], tmp_path: Path) -> None:
-    with Host(lifts[2], tmp_path) as host, Host(lifts[2], tmp_path / "other") as other:
+    with Host(lifts[2], tmp_path) as host, Host(lifts[2], tmp_path / "other") as rounding:
         time = 0.0
         host.start()
-        other.start()
+        rounding.start()
         for k in range(200):
             host.step(k * STEP, STEP)
-            other.step(time, STEP)
+            rounding.step(time, STEP)
             time += STEP
-        assert other.read() == host.read()
+        assert rounding.read() == host.read()
 
 
 @both_versions
@@ -195,7 +191,7 @@ def test_messages_of_a_component_have_its_name(fmi: int, lifts: Mapping[int, Pat
         host.start()
 
 
-def test_start_values_of_the_host_are_those_of_set(lifts: Mapping[int, Path], fmu_folder: Path) -> None:
+def test_start_values_of_the_host_match_set(lifts: Mapping[int, Path], fmu_folder: Path) -> None:
     values = {"lift.plant.motor.R_s": 0.3, "lift.plant.screw.M_BS": 300.0}
     assert_same(lifts[2], load("lift", fmu_folder, set=values), 1e-3, **values)
 
@@ -292,14 +288,14 @@ def read(fmu: Path, name: str) -> Any:
 def test_documents_follow_the_published_schemas(lifts: Mapping[int, Path], pair: Path) -> None:
     for fmu in (*lifts.values(), pair):
         assert validate_fmu(str(fmu)) == []
-    found = {
+    schemas = {
         "modelDescription.xml": "ModelDescription",
         "sources/buildDescription.xml": "BuildDescription",
         "terminalsAndIcons/terminalsAndIcons.xml": "TerminalsAndIcons",
     }
-    for name, schema in found.items():
-        place = files("fmpy").joinpath("schema", "fmi3", f"fmi3{schema}.xsd")
-        etree.XMLSchema(etree.parse(str(place))).assertValid(read(lifts[3], name))
+    for name, schema in schemas.items():
+        path = files("fmpy").joinpath("schema", "fmi3", f"fmi3{schema}.xsd")
+        etree.XMLSchema(etree.parse(str(path))).assertValid(read(lifts[3], name))
     assert not [n for n in zipfile.ZipFile(lifts[3]).namelist() if n.startswith("sources/fmi2_")]
     # its sources alone are not an FMU
     assert "sources/buildDescription.xml" not in zipfile.ZipFile(pair).namelist()
@@ -307,17 +303,17 @@ def test_documents_follow_the_published_schemas(lifts: Mapping[int, Path], pair:
 
 def test_both_versions_have_the_same_variables_and_structure(lifts: Mapping[int, Path]) -> None:
     old, new = (read(lifts[fmi], "modelDescription.xml") for fmi in (2, 3))
-    found = {v.get("name"): dict(v.attrib) for v in new.find("ModelVariables")}
-    time = found.pop("time")
+    variables = {v.get("name"): dict(v.attrib) for v in new.find("ModelVariables")}
+    time = variables.pop("time")
     assert (time["causality"], time["unit"]) == ("independent", "s")
     expected = {
         v.get("name"): {k: x for k, x in (*v.items(), *v[0].items()) if k != "declaredType"}
         for v in old.find("ModelVariables")
     }
-    assert {n: {k: x for k, x in v.items() if k != "declaredType"} for n, v in found.items()} == expected
+    assert {n: {k: x for k, x in v.items() if k != "declaredType"} for n, v in variables.items()} == expected
     structure = new.find("ModelStructure")
-    for tag, place in (("Output", "Outputs"), ("InitialUnknown", "InitialUnknowns")):
-        indices = [int(u.get("index")) - 1 for u in old.find(f"ModelStructure/{place}")]
+    for tag, element in (("Output", "Outputs"), ("InitialUnknown", "InitialUnknowns")):
+        indices = [int(u.get("index")) - 1 for u in old.find(f"ModelStructure/{element}")]
         assert [int(u.get("valueReference")) for u in structure.findall(tag)] == indices
 
 
@@ -329,7 +325,7 @@ def test_variables_have_units_and_causalities(lifts: Mapping[int, Path]) -> None
     assert variables["der(lift.plant.x_L)"].causality == "local"
 
 
-def test_the_page_draws_components_and_connections(lifts: Mapping[int, Path], fmu_folder: Path) -> None:
+def test_page_draws_components_and_connections(lifts: Mapping[int, Path], fmu_folder: Path) -> None:
     system = load("lift", fmu_folder).system
     page = zipfile.ZipFile(lifts[2]).read("documentation/index.html").decode()
     (picture,) = re.findall(r"<svg.*?</svg>", page)
@@ -348,14 +344,14 @@ def functions(fmi: int) -> set[str]:
     if fmi == 2:
         first, _, rest = header.rpartition("Functions for FMI2 for Model Exchange")
         header = first + rest.partition("Functions for FMI2 for Co-Simulation")[2]
-    found = set(re.findall(rf"^\s*FMI{fmi}_Export\s+fmi{fmi}\w+TYPE\s+(fmi{fmi}\w+);", header, re.MULTILINE))
-    assert len(found) == {2: 34, 3: 75}[fmi]
-    return found
+    names = set(re.findall(rf"^\s*FMI{fmi}_Export\s+fmi{fmi}\w+TYPE\s+(fmi{fmi}\w+);", header, re.MULTILINE))
+    assert len(names) == {2: 34, 3: 75}[fmi]
+    return names
 
 
 def exported(fmu: Path) -> dict[str, set[str]]:
     """Return all names that the libraries export, by the folder in binaries/."""
-    found = {}
+    names_by_folder = {}
     with zipfile.ZipFile(fmu) as archive:
         for name in [n for n in archive.namelist() if n.startswith("binaries/")]:
             parsed = lief.parse(list(archive.read(name)))
@@ -368,8 +364,8 @@ def exported(fmu: Path) -> dict[str, set[str]]:
                 names = {str(symbol.name) for symbol in parsed.exported_symbols}
             if isinstance(parsed, lief.MachO.Binary):  # the other names are of the linker
                 names = {n.removeprefix("_") for n in names if n.startswith("_fmi")}
-            found[name.split("/")[1]] = names
-    return found
+            names_by_folder[name.split("/")[1]] = names
+    return names_by_folder
 
 
 PLATFORMS = {
@@ -385,7 +381,7 @@ HOST = [host_platform()]
 
 @both_versions
 @pytest.mark.parametrize("platforms", mostly_slow([HOST, list(PLATFORMS)], [HOST]), ids=len)
-def test_its_functions_are_those_of_the_standard(
+def test_container_exports_the_functions_of_the_standard(
     fmi: int, platforms: list[str], lifts: Mapping[int, Path], tmp_path: Path
 ) -> None:
     fmu = lifts[fmi]
@@ -396,15 +392,15 @@ def test_its_functions_are_those_of_the_standard(
 
 @pytest.mark.slow
 def test_equal_content_gives_equal_bytes(lifts: Mapping[int, Path], fmu_folder: Path, tmp_path: Path) -> None:
-    again = load("lift", fmu_folder).export(tmp_path / "lift2.fmu", outputs=["*"])
-    assert again.read_bytes() == lifts[2].read_bytes()
+    second = load("lift", fmu_folder).export(tmp_path / "lift2.fmu", outputs=["*"])
+    assert second.read_bytes() == lifts[2].read_bytes()
 
 
 # ---- other containers ----------------------------------------------------------------------------
 
 
 @pytest.mark.slow
-def test_open_inputs_and_terminals_are_those_of_the_fmu(fmu_folder: Path, tmp_path: Path) -> None:
+def test_open_inputs_and_terminals_match_the_fmu(fmu_folder: Path, tmp_path: Path) -> None:
     """Inputs act from the next step on. A container in a container has the same terminals."""
     scenario = load(ec.System.of({"plant": "EmlaPlant"}), fmu_folder, step_size=STEP)
     plant = scenario.export(tmp_path / "plant.fmu", inputs=["plant.u_q", "plant.F_L"], outputs=["plant.*"])
@@ -455,12 +451,12 @@ def test_units_with_different_definitions_get_different_names(
     velocity = '<BaseUnit m="1" s="-1"/>'
     slower = '<BaseUnit m="1" s="-1" factor="0.001"/>'
     edits = ('<Unit name="m"><BaseUnit m="1"/></Unit>', "", velocity, slower)
-    other = edit_description(all_types, tmp_path / "Other.fmu", *edits)
-    scenario = load(ec.System.of({"a": all_types, "b": other}), fmu_folder, **SHORT, lenient=True)
-    found = fmpy.read_model_description(str(scenario.export(tmp_path / "units.fmu")), validate=False)
-    units = {v.name: v.unit for v in found.modelVariables}
+    slower_fmu = edit_description(all_types, tmp_path / "Other.fmu", *edits)
+    scenario = load(ec.System.of({"a": all_types, "b": slower_fmu}), fmu_folder, **SHORT_RUN, lenient=True)
+    description = fmpy.read_model_description(str(scenario.export(tmp_path / "units.fmu")), validate=False)
+    units = {v.name: v.unit for v in description.modelVariables}
     factors = {
-        u.name: None if u.baseUnit is None else float(u.baseUnit.factor) for u in found.unitDefinitions
+        u.name: None if u.baseUnit is None else float(u.baseUnit.factor) for u in description.unitDefinitions
     }
     assert units["a.x"] == "m" and units["b.x"] in ("m", "m_2")
     assert (factors[units["a.u"]], factors[units["b.u"]]) == (1.0, 0.001)
@@ -472,7 +468,7 @@ def test_hostile_names_stay_text(all_types: Path, fmu_folder: Path, tmp_path: Pa
     name = 'x"); system("true"); //<script>alert(1)</script>'
     escaped = name.replace("<", "&lt;").replace('"', "&quot;")
     evil = edit_description(all_types, tmp_path / "Evil.fmu", 'name="twice"', f'name="{escaped}"')
-    scenario = load(ec.System.of({"a": evil}), fmu_folder, **SHORT)
+    scenario = load(ec.System.of({"a": evil}), fmu_folder, **SHORT_RUN)
     fmu = scenario.export(tmp_path / "evil.fmu", outputs=["*"])
     page = zipfile.ZipFile(fmu).read("documentation/index.html")
     assert b"<script>" not in page
@@ -483,7 +479,7 @@ def test_hostile_names_stay_text(all_types: Path, fmu_folder: Path, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_the_command_exports_the_outputs_of_a_pattern(fmu_folder: Path, tmp_path: Path) -> None:
+def test_command_exports_the_outputs_of_a_pattern(fmu_folder: Path, tmp_path: Path) -> None:
     for options, names in (
         ([], ["lift.reference.x_d", "lift.plant.x_L"]),
         (["--outputs", "lift.plant.x_*"], ["lift.plant.x_L", "lift.plant.x_measured"]),
@@ -507,7 +503,7 @@ REFUSED: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_one_fmu_is_refused(case: str, fmu_folder: Path, tmp_path: Path) -> None:
+def test_options_that_an_exported_fmu_does_not_support(case: str, fmu_folder: Path, tmp_path: Path) -> None:
     options, exported_with, message = REFUSED[case]
     with pytest.raises(CommandError, match=message):
         load("lift", fmu_folder, **options).export(tmp_path / "no.fmu", **exported_with)
@@ -538,7 +534,7 @@ def test_systems_that_cannot_be_one_fmu_are_refused(
 ) -> None:
     system = make(all_types, third, tmp_path)
     with pytest.raises(CommandError, match=message):
-        load(system, fmu_folder, **SHORT).export(tmp_path / "no.fmu", fmi=2)
+        load(system, fmu_folder, **SHORT_RUN).export(tmp_path / "no.fmu", fmi=2)
 
 
 def test_texts_that_xml_cannot_hold_are_refused(fmu_folder: Path, tmp_path: Path) -> None:
@@ -549,9 +545,9 @@ def test_texts_that_xml_cannot_hold_are_refused(fmu_folder: Path, tmp_path: Path
     assert not (tmp_path / "no.fmu").exists()
 
 
-def test_files_of_the_user_stay(fmu_folder: Path, tmp_path: Path) -> None:
-    mine = tmp_path / "mine.fmu"
-    mine.write_text("years of work")
+def test_files_of_the_user_are_not_replaced(fmu_folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "mine.fmu"
+    path.write_text("years of work")
     with pytest.raises(CommandError, match="was not written by emla"):
-        load("lift", fmu_folder).export(mine)
-    assert mine.read_text() == "years of work"
+        load("lift", fmu_folder).export(path)
+    assert path.read_text() == "years of work"

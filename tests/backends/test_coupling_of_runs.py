@@ -26,57 +26,61 @@ def simulation(fmu_folder: Path) -> Iterator[ec.Simulation]:
 
 
 @pytest.fixture(scope="module")
-def alone(simulation: ec.Simulation) -> ec.Result:
+def uninterrupted(simulation: ec.Simulation) -> ec.Result:
     return simulation.run(bonds=BOND)
 
 
-def same(found: ec.Result, expected: ec.Result, share: float = 1e-9) -> None:
-    assert found.coupling.keys() == expected.coupling.keys()
-    assert found.coupling["rod"] == pytest.approx(expected.coupling["rod"], rel=share)
+def same(actual: ec.Result, expected: ec.Result, share: float = 1e-9) -> None:
+    assert actual.coupling.keys() == expected.coupling.keys()
+    assert actual.coupling["rod"] == pytest.approx(expected.coupling["rod"], rel=share)
 
 
-def test_result_files_and_record_have_bonds(alone: ec.Result, tmp_path: Path) -> None:
-    assert alone.coupling["rod"]["energy_error"] > 0.2
-    assert alone.remarks[0].startswith("Coupling error: about ")
-    alone.save(tmp_path, plots=False, report=True)
+def test_result_files_and_record_have_bonds(uninterrupted: ec.Result, tmp_path: Path) -> None:
+    assert uninterrupted.coupling["rod"]["energy_error"] > 0.2
+    assert uninterrupted.remarks[0].startswith("Coupling error: about ")
+    uninterrupted.save(tmp_path, plots=False, report=True)
     metrics = json.loads((tmp_path / "metrics.json").read_text())
-    assert metrics["coupling"]["rod"] == alone.coupling["rod"]
+    assert metrics["coupling"]["rod"] == uninterrupted.coupling["rod"]
     assert "rod" in (tmp_path / "report.html").read_text()
     assert json.loads((tmp_path / "run.json").read_text())["settings"]["bonds"] == BOND
 
 
 def test_extrapolation_needs_no_remark(simulation: ec.Simulation) -> None:
-    found = simulation.run(bonds=BOND, extrapolation="fmu")
-    assert found.coupling["rod"]["energy_error"] < 1e-3
-    assert not found.remarks
+    result = simulation.run(bonds=BOND, extrapolation="fmu")
+    assert result.coupling["rod"]["energy_error"] < 1e-3
+    assert not result.remarks
 
 
-def test_parts_and_a_second_start_change_no_figures(simulation: ec.Simulation, alone: ec.Result) -> None:
+def test_parts_and_a_second_start_change_no_figures(
+    simulation: ec.Simulation, uninterrupted: ec.Result
+) -> None:
     simulation.start(bonds=BOND)
     for time in (0.001, 0.5, 2.999):
         simulation.advance(time)
-        assert set(simulation.so_far().coupling) == set(alone.coupling)
+        assert set(simulation.so_far().coupling) == set(uninterrupted.coupling)
     simulation.advance(3.0)
-    same(simulation.finish(), alone)
-    same(simulation.run(bonds=BOND, start_time=100.0, stop_time=103.0), alone, 1e-6)
+    same(simulation.finish(), uninterrupted)
+    same(simulation.run(bonds=BOND, start_time=100.0, stop_time=103.0), uninterrupted, 1e-6)
 
 
-def test_a_checkpoint_changes_no_figures(simulation: ec.Simulation, alone: ec.Result, tmp_path: Path) -> None:
-    place = tmp_path / "half.checkpoint"
-    simulation.run(bonds=BOND, stop_time=1.234, checkpoint=place)
-    same(simulation.run(bonds=BOND, resume=place), alone)
+def test_checkpoint_changes_no_figures(
+    simulation: ec.Simulation, uninterrupted: ec.Result, tmp_path: Path
+) -> None:
+    path = tmp_path / "half.checkpoint"
+    simulation.run(bonds=BOND, stop_time=1.234, checkpoint=path)
+    same(simulation.run(bonds=BOND, resume=path), uninterrupted)
 
 
 def test_under_error_control_every_step_counts(simulation: ec.Simulation) -> None:
     """Rows 0.25 s apart would see nothing of the steps between."""
     how = {"bonds": BOND, "error_tolerance": 1e-4, "stop_time": 1.0}
-    every = simulation.run(**how)
-    assert every.steps > 20 and 0.0 < every.coupling["rod"]["energy_error"] < 0.1
+    result = simulation.run(**how)
+    assert result.steps > 20 and 0.0 < result.coupling["rod"]["energy_error"] < 0.1
     with pytest.raises(ec.CommandError, match="remove --output-interval or --bond"):
         simulation.run(**how, output_interval=0.25)
 
 
-def test_a_figure_can_be_required(simulation: ec.Simulation) -> None:
+def test_figure_can_be_required(simulation: ec.Simulation) -> None:
     with pytest.raises(ec.RunError, match=r"requirements not met: rod\.energy_error < 0\.02"):
         simulation.run(bonds=BOND, require=["rod.energy_error < 0.02"])
     with pytest.raises(ec.CommandError, match=r"no metric 'rod\.energy_eror'"):
@@ -115,14 +119,14 @@ def test_bonds_of_a_system_on_request(fmu_folder: Path, options: dict[str, Any],
 
 
 @pytest.mark.parametrize("name", ["rod", "r*"])
-def test_a_name_without_signals_requests_a_bond_of_the_scenario(fmu_folder: Path, name: str) -> None:
+def test_name_without_signals_requests_a_bond_of_the_scenario(fmu_folder: Path, name: str) -> None:
     with load(rigid_load(), fmus=fmu_folder, bonds=BOND, **HOW).prepare() as prepared:
         result = prepared.run(bonds={name: ""}, stop_time=0.01)
     assert "energy_error" in result.coupling["rod"]
     assert result.record["settings"]["bonds"] == BOND
 
 
-def test_a_checkpoint_without_energies_is_not_continued_with_some(
+def test_checkpoint_without_energies_is_not_continued_with_some(
     simulation: ec.Simulation, tmp_path: Path
 ) -> None:
     simulation.run(stop_time=1.0, checkpoint=tmp_path / "plain")

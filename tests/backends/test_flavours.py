@@ -30,10 +30,10 @@ def drive(slave: Any, walks: np.ndarray) -> np.ndarray:
     return rows
 
 
-WHOLE = 5000
-BY_DEFAULT = [(m, WHOLE // 10 ** (FACTS[m].is_laborious + (m in WITH_STATES))) for m in OWN]
+FULL_LENGTH = 5000
+BY_DEFAULT = [(m, FULL_LENGTH // 10 ** (FACTS[m].is_laborious + (m in WITH_STATES))) for m in OWN]
 """A tenth for what takes long in each step, and for states; the others change with the time alone."""
-DRIVEN = [*BY_DEFAULT, *((model, WHOLE) for model, steps in BY_DEFAULT if steps < WHOLE)]
+DRIVEN = [*BY_DEFAULT, *((model, FULL_LENGTH) for model, steps in BY_DEFAULT if steps < FULL_LENGTH)]
 
 
 @pytest.mark.parametrize(("model", "steps"), mostly_slow(DRIVEN, BY_DEFAULT))
@@ -55,8 +55,8 @@ def test_both_flavours_agree_bit_for_bit_with_the_block(
     assert moving.any()
     for flavour in FLAVOURS:
         with fmu_slave(fmu_path(model, flavour, python_fmu_folder), inputs, outputs, parameters) as slave:
-            found = drive(slave, walks)
-        same = (found.view("i8") == expected.view("i8")).all(axis=0)
+            actual = drive(slave, walks)
+        same = (actual.view("i8") == expected.view("i8")).all(axis=0)
         assert [o for o, s in zip(outputs, same, strict=True) if not s] == [], flavour
 
 
@@ -79,7 +79,7 @@ def test_only_fmus_that_are_out_of_date_are_built_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_an_fmu_out_of_date_keeps_its_platforms_when_it_is_rebuilt(
+def test_fmu_out_of_date_keeps_its_platforms_when_it_is_rebuilt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = build("Reference", "native", [host_platform(), "win64"], tmp_path)

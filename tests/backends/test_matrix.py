@@ -17,16 +17,16 @@ SPECIAL = {name for name, stepper in STEPPERS.items() if stepper.by_default is n
 """Steppers that compile each case, or start processes for it; few cases of them will do."""
 
 
-def cover_pairs(cases: Sequence[Case], seen: Iterable[tuple[str, str]] = ()) -> list[Case]:
+def cover_pairs(cases: Sequence[Case], already_met: Iterable[tuple[str, str]] = ()) -> list[Case]:
     """Return cases in which each two of a stepper, a system and an algorithm meet, if they ever do."""
-    met, chosen = set(seen), list[Case]()
+    met, selected = set(already_met), list[Case]()
     for least in (3, 2, 1):  # cases with the most new pairs first
         for case in cases:
             new = set(itertools.combinations(case, 2)) - met
             if len(new) >= least:
                 met |= new
-                chosen.append(case)
-    return chosen
+                selected.append(case)
+    return selected
 
 
 def select(systems: Collection[str], coupled: bool = True) -> list:
@@ -48,28 +48,28 @@ def select(systems: Collection[str], coupled: bool = True) -> list:
     by_default += [case for case in cases if case in special]
     rest = [case for case in cases[::-1] if case not in set(by_default)]
     slow = cover_pairs([case for case in rest if case[0] not in SPECIAL])
-    known = itertools.chain(itertools.product(SPECIAL, systems), itertools.product(systems, ALGORITHMS))
-    slow += cover_pairs([case for case in rest if case[0] in SPECIAL], known)
+    covered = itertools.chain(itertools.product(SPECIAL, systems), itertools.product(systems, ALGORITHMS))
+    slow += cover_pairs([case for case in rest if case[0] in SPECIAL], covered)
     return mostly_slow([*by_default, *slow], by_default)
 
 
 @pytest.fixture(scope="module")
 def bench(python_fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    made = Bench(tmp_path_factory.mktemp("matrix"), python_fmu_folder)
-    with made.stack:
-        yield made
+    opened = Bench(tmp_path_factory.mktemp("matrix"), python_fmu_folder)
+    with opened.stack:
+        yield opened
 
 
 def check(bench: Bench, stepper: str, task: Task) -> None:
     """Compare the rows bit for bit, and the report."""
-    expected, found = bench.reference(task), STEPPERS[stepper].run(bench, task)
-    names = [name for name in found.columns if name in expected.columns]
-    assert (names == list(found.columns) and len(names) > 1) or not found.is_whole
+    expected, outcome = bench.reference(task), STEPPERS[stepper].run(bench, task)
+    names = [name for name in outcome.columns if name in expected.columns]
+    assert (names == list(outcome.columns) and len(names) > 1) or not outcome.is_whole
     for name in names:
-        column = np.asarray(expected.columns[name])[found.rows]
-        same = np.asarray(found.columns[name], dtype=column.dtype)
+        column = np.asarray(expected.columns[name])[outcome.rows]
+        same = np.asarray(outcome.columns[name], dtype=column.dtype)
         assert same.shape == column.shape and same.tobytes() == column.tobytes(), name
-    for key, value in found.report.items():
+    for key, value in outcome.report.items():
         np.testing.assert_equal(value, expected.report[key], err_msg=key)
 
 

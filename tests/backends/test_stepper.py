@@ -47,7 +47,7 @@ def rows(
     times: CommunicationPoints,
     *,
     plain: bool,
-    every: int = 1,
+    steps_per_row: int = 1,
     room: int = 7,
     shared: int | None = None,
 ) -> np.ndarray:
@@ -59,12 +59,12 @@ def rows(
     stepping = PlainSteps(algorithm, times) if plain else FixedSteps(algorithm, times)
     if shared is not None:
         in_lanes(stepping, shared)
-    return recorded(stepping, every, room=room)
+    return recorded(stepping, steps_per_row, room=room)
 
 
-def assert_same_bits(found: np.ndarray, expected: np.ndarray) -> None:
-    assert found.shape == expected.shape
-    assert found.tobytes() == expected.tobytes()
+def assert_same_bits(actual: np.ndarray, expected: np.ndarray) -> None:
+    assert actual.shape == expected.shape
+    assert actual.tobytes() == expected.tobytes()
 
 
 # ---- networks of all kinds ---------------------------------------------------------------------
@@ -122,28 +122,28 @@ def test_any_network_has_the_same_bits(data: st.DataObject, fmus: tuple[Path, Pa
         multiples = {name: m for name, m in multiples.items() if name not in too_long}
     transformation = st.just((1.0, 0.0)) | st.tuples(values, values)
     transformations = [data.draw(transformation) for _ in system.connections]
-    every, room = (
+    steps_per_row, room = (
         data.draw(st.integers(1, 7), label="every"),
         data.draw(st.sampled_from([1, 2, 5, 1000]), label="room"),
     )
     times = make_communication_points(1.2, 0.05)
-    found, seed = [], data.draw(st.integers(0, 99), label="share")
+    results, seed = [], data.draw(st.integers(0, 99), label="share")
     for plain, shared in ((True, None), (False, None), (False, seed)):
         with open_system(system, transformations) as assembly:
             assembly.network.reorder(order)
-            found.append(
+            results.append(
                 rows(
                     assembly.network,
                     kind(extrapolation, multiples),
                     times,
                     plain=plain,
-                    every=every,
+                    steps_per_row=steps_per_row,
                     room=room,
                     shared=shared,
                 )
             )
-    expected, *fast = found
-    assert len(expected) == 24 // every + 1
+    expected, *fast = results
+    assert len(expected) == 24 // steps_per_row + 1
     for rows_of_one in fast:
         assert_same_bits(rows_of_one, expected)
 
@@ -192,16 +192,16 @@ def test_halved_steps_have_the_bits_of_python(build: Callable[[], Network], extr
         network = build()
         algorithm = begun(network, Strong(extrapolation), TIMES)
         stepping = PlainSteps(algorithm, TIMES) if plain else FixedSteps(algorithm, TIMES)
-        found = recorded(stepping)
+        actual = recorded(stepping)
         assert not any(s.states for s in network.instances)  # saved states that were not freed
-        results.append((found, stepping.memory()))
-    (expected, memory), (found, native_memory) = results
+        results.append((actual, stepping.memory()))
+    (expected, state), (actual, native_state) = results
     assert len(expected) == TIMES.steps + 1 and np.isfinite(expected).all()
-    assert_same_bits(found, expected)
-    assert memory.keys() == native_memory.keys()
-    for key, value in memory.items():
-        assert_same_bits(native_memory[key], value)
-    assert memory["counts"][1] > TIMES.steps
+    assert_same_bits(actual, expected)
+    assert state.keys() == native_state.keys()
+    for key, value in state.items():
+        assert_same_bits(native_state[key], value)
+    assert state["counts"][1] > TIMES.steps
 
 
 def refusal() -> Network:
@@ -230,13 +230,13 @@ def test_steps_are_divided_from_the_first_discarded_one_on(kind: Any, extrapolat
         network = refusal()
         algorithm = begun(network, kind(extrapolation), TIMES)
         stepping = PlainSteps(algorithm, TIMES) if plain else FixedSteps(algorithm, TIMES)
-        rows, memory = recorded(stepping), stepping.memory()
-        results.append((rows, memory, stepping.report().get("divided_steps"), stepping.remarks()))
+        rows, state = recorded(stepping), stepping.memory()
+        results.append((rows, state, stepping.report().get("divided_steps"), stepping.remarks()))
         assert not any(s.states for s in network.instances)  # saved states that were not freed
-    (expected, memory, divided, remarks), (rows, native_memory, native_divided, native_remarks) = results
+    (expected, state, divided, remarks), (rows, native_state, native_divided, native_remarks) = results
     assert_same_bits(rows, expected)
-    for key, value in memory.items():
-        assert_same_bits(native_memory[key], value)
+    for key, value in state.items():
+        assert_same_bits(native_state[key], value)
     assert divided == native_divided and remarks == native_remarks
     assert divided == {
         "a": {"steps": 17, "shortest_part_s": 1.0 / 128.0},
@@ -244,7 +244,7 @@ def test_steps_are_divided_from_the_first_discarded_one_on(kind: Any, extrapolat
     }
 
 
-def test_saved_states_are_freed_and_only_kept_where_they_serve(faulty_fmu: Path) -> None:
+def test_saved_states_are_freed(faulty_fmu: Path) -> None:
     """Those of the loop and of who may have to do halves; one of each FMU to go back to."""
     system = loop_with_a_fault(faulty_fmu, Fault.DISCARD, 0.75)
     system = wired(
@@ -304,17 +304,17 @@ print(*(name in sys.modules for name in ("fmublock.compiling", "networkx")))
 
 
 @pytest.mark.slow
-def test_the_second_start_needs_no_compiler(faulty_fmu: Path, tmp_path: Path) -> None:
+def test_second_start_needs_no_compiler(faulty_fmu: Path, tmp_path: Path) -> None:
     """Nor the library for loops of links, of which there are none."""
     site = without_prebuilt(tmp_path / "site")
     environment = {**os.environ, **site, "EMLA_COSIM_CACHE": str(tmp_path / "cache")}
     for imported in ("True False", "False False"):
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-c", _START, str(faulty_fmu)],
             capture_output=True,
             text=True,
             env=environment,
             check=False,
         )
-        assert done.returncode == 0, done.stderr
-        assert done.stdout.strip() == imported
+        assert process.returncode == 0, process.stderr
+        assert process.stdout.strip() == imported

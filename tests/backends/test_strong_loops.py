@@ -38,7 +38,7 @@ def two_loops() -> tuple:
     return slaves, [*inside, (5, 0, 0, 0), (3, 0, 4, 0), (5, 0, 4, 1), (4, 0, 5, 0)]
 
 
-def test_directional_derivatives_of_an_fmu_are_those_of_its_outputs(fmu_folder: Path) -> None:
+def test_directional_derivatives_of_an_fmu_match_its_outputs(fmu_folder: Path) -> None:
     """Against differences in initialization mode, where outputs follow inputs."""
     path = fmu_path("EmlaPlant", "native", fmu_folder)
     inputs, outputs = ["u_q", "F_L", "d_2"], ["a_L", "v_L", "tau_m"]
@@ -46,13 +46,13 @@ def test_directional_derivatives_of_an_fmu_are_those_of_its_outputs(fmu_folder: 
         assert slave.differentiates
         slave.enter_initialization(0.0, 1.0)
         at, direction = np.array([20.0, 1e4, 0.1]), np.array([3.0, 500.0, 0.2])
-        found = []
+        outputs_on_sides = []
         for side in (-1.0, 1.0):
             slave.inputs[:] = at + side * direction
             slave.set_inputs()
             slave.get_outputs()
-            found.append(slave.outputs.copy())
-        differences = 0.5 * (found[1] - found[0])
+            outputs_on_sides.append(slave.outputs.copy())
+        differences = 0.5 * (outputs_on_sides[1] - outputs_on_sides[0])
         assert differences[0] != 0.0
         assert slave.directional_derivative(direction) == pytest.approx(differences, rel=1e-9, abs=1e-12)
 
@@ -69,20 +69,20 @@ class Differentiable(LinearSlave):
 @pytest.mark.parametrize("extrapolation", ["none", "fmu"])
 def test_directional_derivatives_spare_sweeps(extrapolation: str) -> None:
     """With them the first step takes two sweeps of each loop, if it is too short for states to count."""
-    tried = []
+    sweeps = []
     for kind in (Differentiable, LinearSlave):
         slaves, wires = two_loops()
         slaves = [kind(s.name, s.A, s.B, s.C, s.D, s.x_0) for s in slaves]
-        short = make_communication_points(1e-12, 1e-12)
-        algorithm = begun(connected(slaves, wires), Strong(extrapolation), short)
+        one_step = make_communication_points(1e-12, 1e-12)
+        algorithm = begun(connected(slaves, wires), Strong(extrapolation), one_step)
         algorithm.network.signals[:] += 1.0  # so that there is something to agree on
-        assert list(step_by_step(algorithm, short)) == [0]
-        tried.append(algorithm.sweeps)
-    assert tried[0] == 2 * 2
-    assert tried[1] >= tried[0] + 3  # one value of a loop costs a sweep to learn
+        assert list(step_by_step(algorithm, one_step)) == [0]
+        sweeps.append(algorithm.sweeps)
+    assert sweeps[0] == 2 * 2
+    assert sweeps[1] >= sweeps[0] + 3  # one value of a loop costs a sweep to learn
 
 
-def test_derivatives_of_a_loop_are_those_of_its_answer() -> None:
+def test_derivatives_of_a_loop_match_its_answer() -> None:
     """With factors of units, and where inputs take the middle of their lines."""
     slaves, _ = two_loops()
     a, b = (Differentiable(s.name, s.A, s.B, s.C, s.D, s.x_0) for s in slaves[1:3])
@@ -94,8 +94,8 @@ def test_derivatives_of_a_loop_are_those_of_its_answer() -> None:
     assert group.coupling_variables.tolist() == [2, 3]
     first = 0.5 * np.array([[1.5, -4.0], [3.0, 2.5]]) @ np.diag([2.0, -3.0])
     expected = np.array([[2.0, 1.0], [-1.0, 3.0]]) @ np.diag([1.0, 0.5]) @ first
-    found = loop_derivatives(algorithm.exchange, group)
-    assert found == pytest.approx(expected, rel=1e-14)
+    derivatives = loop_derivatives(algorithm.exchange, group)
+    assert derivatives == pytest.approx(expected, rel=1e-14)
     inverse = expected @ np.linalg.inv(expected - np.eye(2))
     assert group.jacobian == pytest.approx(inverse, rel=1e-12)
     b.differentiates = False
@@ -112,8 +112,8 @@ def test_useless_derivatives_are_ignored() -> None:
 def test_without_derivatives_of_a_slave_the_loop_is_learned() -> None:
     slaves, wires = rigid_load(1.5)
     slaves = [Differentiable(s.name, s.A, s.B, s.C, s.D, s.x_0) for s in slaves]
-    told = begun(connected(slaves, wires), Strong(), TIMES).groups[0].jacobian.copy()
-    assert told == pytest.approx(np.array([[1.5 / 2.5]]))
+    with_derivatives = begun(connected(slaves, wires), Strong(), TIMES).groups[0].jacobian.copy()
+    assert with_derivatives == pytest.approx(np.array([[1.5 / 2.5]]))
     slaves[1].directional_derivative = lambda direction: None
-    left = begun(connected(slaves, wires), Strong(), TIMES).groups[0].jacobian
-    assert (left == estimate_jacobian(1)).all()
+    without = begun(connected(slaves, wires), Strong(), TIMES).groups[0].jacobian
+    assert (without == estimate_jacobian(1)).all()

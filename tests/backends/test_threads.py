@@ -50,12 +50,12 @@ TIMES = make_communication_points(1.0, 0.125)
 Advance = Callable[[np.ndarray, np.ndarray, float, float], Any]
 
 
-def moved(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
+def mix(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
     """A step that mixes all inputs into the state."""
     return 0.9 * x + step * (np.sin(time) + u.sum())
 
 
-def chains(count: int, links: Sequence[tuple[int, int]], advance: Advance = moved) -> Network:
+def chains(count: int, links: Sequence[tuple[int, int]], advance: Advance = mix) -> Network:
     """Slaves s0, s1, ... with one output each, the input of every link the next one of its target."""
     inputs = Counter(target for _, target in links)
     slaves = [FakeSlave(f"s{i}", inputs[i], [0.1 * i], advance) for i in range(count)]
@@ -83,12 +83,12 @@ def simulated_length(
     at, now = [0] * len(lanes), [0.0] * len(lanes)
     while len(through) < len(work):
         before = len(through)
-        for lane, places in enumerate(lanes):
-            while at[lane] < len(places) and through.keys() >= set(work[places[at[lane]]].after):
-                task = work[places[at[lane]]]
+        for lane, tasks in enumerate(lanes):
+            while at[lane] < len(tasks) and through.keys() >= set(work[tasks[at[lane]]].after):
+                task = work[tasks[at[lane]]]
                 begin = max([now[lane], *(through[p] for p in task.after)])
                 now[lane] = begin + (sum(costs[i] for i in task.instances) if task.steps else 0.0)
-                through[places[at[lane]]] = now[lane]
+                through[tasks[at[lane]]] = now[lane]
                 at[lane] += 1
         assert len(through) > before, "lanes wait for each other"
     return max(now)
@@ -96,12 +96,12 @@ def simulated_length(
 
 def lane_of(work: Sequence[StepTask], placement: ThreadSchedule) -> dict[int, set[int]]:
     """The lanes in which each slave is called."""
-    found: dict[int, set[int]] = {}
-    for lane, places in enumerate(placement.lanes):
-        for place in places:
-            for i in work[place].instances:
-                found.setdefault(i, set()).add(lane)
-    return found
+    lanes_by_slave: dict[int, set[int]] = {}
+    for lane, tasks in enumerate(placement.lanes):
+        for task in tasks:
+            for i in work[task].instances:
+                lanes_by_slave.setdefault(i, set()).add(lane)
+    return lanes_by_slave
 
 
 @given(st.data())
@@ -112,14 +112,14 @@ def test_lanes_never_wait_for_each_other(data: st.DataObject) -> None:
     links = data.draw(st.lists(st.tuples(numbers, numbers), max_size=12, unique=True))
     kind = data.draw(st.sampled_from([Jacobi, GaussSeidel, Strong]))
     costs = data.draw(st.lists(st.sampled_from([0.0, 1.0, 2.5, 7.0]), min_size=count, max_size=count))
-    alone = data.draw(st.sets(numbers))
+    exclusive = data.draw(st.sets(numbers))
     work = work_of(kind(), chains(count, links))
     lanes = data.draw(st.integers(1, 4))
-    placement = schedule_tasks(work, costs, lanes, alone)
+    placement = schedule_tasks(work, costs, lanes, exclusive)
     assert sorted(p for lane in placement.lanes for p in lane) == list(range(len(work)))
     where = lane_of(work, placement)
-    assert all(len(found) == 1 for found in where.values())
-    with_them = {i for task in work if alone & set(task.instances) for i in task.instances}
+    assert all(len(slave_lanes) == 1 for slave_lanes in where.values())
+    with_them = {i for task in work if exclusive & set(task.instances) for i in task.instances}
     assert all(where[i] == {0} for i in with_them)
     assert simulated_length(work, costs, placement.lanes) <= placement.length + 1e-9
     assert max(costs) <= placement.length <= sum(costs)
@@ -136,7 +136,7 @@ def failing(times: dict[str, float]) -> Network:
         def advance(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
             if time >= at:
                 raise InstanceError(name, f"doStep at t = {time:.9g} s", "fmi2Error", [])
-            return moved(u, x, time, step)
+            return mix(u, x, time, step)
 
         return advance
 
@@ -162,9 +162,7 @@ def ended(network: Network, algorithm: Algorithm, seed: int | None) -> tuple[str
 
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel, Strong])
 @pytest.mark.parametrize("times", [{"s1": 0.5, "s4": 0.5}, {"s5": 0.25, "s0": 0.375}], ids=str)
-def test_the_first_failure_is_reported_whatever_thread_meets_it(
-    times: dict[str, float], kind: type[Algorithm]
-) -> None:
+def test_first_failure_is_reported_from_any_thread(times: dict[str, float], kind: type[Algorithm]) -> None:
     """The error message, and the rows before it, are those of one thread."""
     expected = ended(failing(times), kind(), None)
     for seed in range(3):
@@ -172,19 +170,19 @@ def test_the_first_failure_is_reported_whatever_thread_meets_it(
 
 
 def test_threads_that_cannot_be_used_end_a_run_that_requests_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a request, the run goes on in one thread, and reports why."""
+    """Without a request, the run continues in one thread, and reports why."""
     no_threads = dataclasses.replace(load_stepper(), start_lanes=lambda *_: None)
     monkeypatch.setattr("emla_cosim.stepper.library.require_stepper", lambda: no_threads)
     monkeypatch.setattr(choice, "count_cores", lambda: 2)
     words = "the system cannot start 2 threads for FMUs. Set fewer threads."
     times = make_communication_points(60.0, 1.0)
-    alone, two = (
+    automatic, two = (
         FixedSteps(begun(chains(2, [], slow(1e-3)), Jacobi(), times), times, threads=threads)
         for threads in (None, 2)
     )
-    recorded(alone)
-    assert alone.steps == 60 and alone.report()["threads"] == 1
-    assert alone.report()["why_one_thread"] == words
+    recorded(automatic)
+    assert automatic.steps == 60 and automatic.report()["threads"] == 1
+    assert automatic.report()["why_one_thread"] == words
     with pytest.raises(ec.RunError, match=words):
         recorded(two)
 
@@ -207,19 +205,19 @@ def test_number_of_threads_is_read_from_text() -> None:
 
 def test_light_steps_stay_in_one_thread_unless_more_are_requested(fmu_folder: Path) -> None:
     with ec.load("study", fmus=fmu_folder, stop_time=0.02, output_interval=1e-4).prepare() as simulation:
-        alone, requested = simulation.run(), simulation.run(threads=3)
+        automatic, requested = simulation.run(), simulation.run(threads=3)
         components = [c.name for c in simulation.system.components]
-    assert alone.stepping["threads"] == 1 and "lanes" not in alone.stepping
+    assert automatic.stepping["threads"] == 1 and "lanes" not in automatic.stepping
     assert requested.stepping["threads"] == 3
     lanes = requested.stepping["lanes"]
     assert sorted(name for lane in lanes for name in lane) == sorted(components)
-    assert requested.to_polars().equals(alone.to_polars())
+    assert requested.to_polars().equals(automatic.to_polars())
 
 
 def slow(seconds: float) -> Advance:
     def advance(u: np.ndarray, x: np.ndarray, at: float, step: float) -> Any:
-        time.sleep(seconds)  # which lets other threads go on
-        return moved(u, x, at, step)
+        time.sleep(seconds)  # which lets other threads continue
+        return mix(u, x, at, step)
 
     return advance
 
@@ -232,9 +230,9 @@ def test_heavy_steps_are_tried_in_threads(kind: type[Algorithm], monkeypatch: py
     links = [(0, 1), (2, 3)]
     expected = recorded(FixedSteps(begun(chains(4, links), kind(), times), times))
     stepping = FixedSteps(begun(chains(4, links, slow(4e-3)), kind(), times), times, threads=None)
-    found = recorded(stepping)
+    actual = recorded(stepping)
     report = stepping.report()
-    assert found.tobytes() == expected.tobytes()
+    assert actual.tobytes() == expected.tobytes()
     assert sorted(name for lane in report["lanes"] for name in lane) == ["s0", "s1", "s2", "s3"]
     assert all(report["lanes"]) and report["threads"] in (1, 2)
     assert min(report[f"{x}_us"] for x in ("step_in_threads", "step_in_one_thread")) > 0.0
@@ -244,16 +242,16 @@ def test_heavy_steps_are_tried_in_threads(kind: type[Algorithm], monkeypatch: py
 
 
 def test_fmus_of_one_interpreter_share_a_thread(python_fmu_folder: Path) -> None:
-    found = [
+    results = [
         ec.load("lift", flavour="python", fmus=python_fmu_folder, stop_time=2e-3, output_interval=1e-4)
         .prepare()
         .run(threads=threads)
         for threads in (1, 3)
     ]
-    assert found[1].to_polars().equals(found[0].to_polars())
-    (lane,) = found[1].stepping["lanes"]
+    assert results[1].to_polars().equals(results[0].to_polars())
+    (lane,) = results[1].stepping["lanes"]
     assert sorted(lane) == sorted(c.name for c in ec.load("lift").system.components)
-    assert found[1].stepping["threads"] == 1
+    assert results[1].stepping["threads"] == 1
 
 
 def test_components_that_python_calls_are_in_the_first_lane(faulty_fmu: Path) -> None:
@@ -261,8 +259,8 @@ def test_components_that_python_calls_are_in_the_first_lane(faulty_fmu: Path) ->
     system = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)
     options = {"stop_time": 2.0, "step_size": 0.1, "algorithm": "jacobi"}
     with ec.load(system, **options).prepare(isolate=["j.sink"]) as simulation:
-        alone, shared = (simulation.run(threads=threads) for threads in (1, 2))
-    assert shared.to_polars().equals(alone.to_polars())
+        single, shared = (simulation.run(threads=threads) for threads in (1, 2))
+    assert shared.to_polars().equals(single.to_polars())
     first, second = shared.stepping["lanes"]
     assert "j.sink" in first and {*first, *second} == {"j.source", "j.bad", "j.sink"}
 
@@ -271,11 +269,11 @@ class Averaged(ec.Explicit):
     """An algorithm that passes on the mean of the present and the previous signals."""
 
     def table(self, network: Network) -> Sequence[ec.Operation | ec.Combine]:
-        places = range(len(network.instances))
+        slaves = range(len(network.instances))
         return [
-            *(ec.Combine(i, "mean", {"signals": 0.5, "previous": 0.5}) for i in places),
-            *(ec.Operation(ec.Call.SET, i, store="mean") for i in places),
-            *(ec.Operation(call, i) for call in (ec.Call.STEP, ec.Call.GET) for i in places),
+            *(ec.Combine(i, "mean", {"signals": 0.5, "previous": 0.5}) for i in slaves),
+            *(ec.Operation(ec.Call.SET, i, store="mean") for i in slaves),
+            *(ec.Operation(call, i) for call in (ec.Call.STEP, ec.Call.GET) for i in slaves),
         ]
 
     def late(self) -> list[Link]:
@@ -310,7 +308,7 @@ def test_ctrl_c_ends_lanes_after_the_present_step(faulty_fmu: Path) -> None:
 
 
 @pytest.mark.slow
-def test_an_fmu_that_ends_the_process_is_among_those_that_are_named(faulty_fmu: Path, tmp_path: Path) -> None:
+def test_crashed_fmu_is_among_the_named_ones(faulty_fmu: Path, tmp_path: Path) -> None:
     """Which of several threads it was cannot be known from outside."""
     system = line_with_a_fault(faulty_fmu, Fault.SEGFAULT, 0.35)
     package = ec.load(system, stop_time=1.0, step_size=0.01).export(tmp_path / "line.ssp")
@@ -339,7 +337,7 @@ def test_causes_name_all_current_calls() -> None:
 # ---- FMUs in processes of their own ------------------------------------------------------------
 
 
-class Apart(FakeSlave):
+class OverlappingSlave(FakeSlave):
     """A slave whose steps are done when they are ended; `calls` says so."""
 
     steps_apart = True
@@ -355,40 +353,40 @@ class Apart(FakeSlave):
 
 def with_steps_apart(network: Network, calls: list[str]) -> Network:
     for slave in network.instances:
-        slave.__class__ = Apart
+        slave.__class__ = OverlappingSlave
         vars(slave)["calls"] = calls
         del vars(slave)["entry_points"], vars(slave)["forget"]  # they are called from Python
     return network
 
 
 @pytest.mark.parametrize("kind", [Jacobi, partial(GaussSeidel, order=["s0", "s1", "s2", "s3"])])
-def test_steps_apart_overlap_and_change_nothing(kind: Callable[[], Algorithm]) -> None:
+def test_overlapped_steps_change_no_bits(kind: Callable[[], Algorithm]) -> None:
     calls: list[str] = []
     links = [(0, 1), (2, 3), (3, 0)]
     expected = recorded(FixedSteps(begun(chains(4, links), kind(), TIMES), TIMES))
     network = with_steps_apart(chains(4, links), calls)
-    found = recorded(FixedSteps(begun(network, kind(), TIMES), TIMES))
-    assert found.tobytes() == expected.tobytes()
+    actual = recorded(FixedSteps(begun(network, kind(), TIMES), TIMES))
+    assert actual.tobytes() == expected.tobytes()
     begun_at_once = calls[calls.index("s0.begin") : calls.index("s0.step")]
     free = ["s0", "s1", "s2", "s3"] if kind is Jacobi else ["s0", "s2"]
     assert {f"{name}.begin" for name in free} == {x for x in begun_at_once if x.endswith("begin")}
 
 
-def test_steps_apart_of_a_loop_overlap_in_each_sweep_and_change_nothing() -> None:
+def test_overlapped_steps_of_a_loop_change_no_bits() -> None:
     calls: list[str] = []
     links = [(0, 1), (0, 2), (0, 3), (1, 0), (2, 0), (3, 0)]
-    alone, apart = (Strong(order=["s1", "s2", "s3", "s0"]) for _ in range(2))
-    expected = recorded(FixedSteps(begun(chains(4, links), alone, TIMES), TIMES))
+    in_turn, overlapping = (Strong(order=["s1", "s2", "s3", "s0"]) for _ in range(2))
+    expected = recorded(FixedSteps(begun(chains(4, links), in_turn, TIMES), TIMES))
     network = with_steps_apart(chains(4, links), calls)
-    found = recorded(FixedSteps(begun(network, apart, TIMES), TIMES))
-    assert found.tobytes() == expected.tobytes()
-    assert apart.sweeps == alone.sweeps > len(found)
+    actual = recorded(FixedSteps(begun(network, overlapping, TIMES), TIMES))
+    assert actual.tobytes() == expected.tobytes()
+    assert overlapping.sweeps == in_turn.sweeps > len(actual)
     steps = [call for call in calls if call.endswith((".begin", ".step"))]
     sweep = [f"s{i}.{call}" for call in ("begin", "step") for i in (1, 2, 3)] + ["s0.begin", "s0.step"]
-    assert steps == sweep * apart.sweeps
+    assert steps == sweep * overlapping.sweeps
 
 
-def test_a_step_apart_that_fails_in_a_loop_ends_the_run_after_the_others() -> None:
+def test_failed_overlapped_step_of_a_loop_ends_the_run_after_the_other_steps() -> None:
     calls: list[str] = []
 
     def advance(u: np.ndarray, x: np.ndarray, t: float, h: float) -> Sequence[float]:
@@ -408,9 +406,7 @@ def test_a_step_apart_that_fails_in_a_loop_ends_the_run_after_the_others() -> No
 
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
 @pytest.mark.parametrize("times", [{"s1": 0.5, "s4": 0.5}], ids=str)
-def test_a_failure_apart_is_the_first_one_and_nothing_goes_on(
-    times: dict[str, float], kind: type[Algorithm]
-) -> None:
+def test_failure_of_an_overlapped_step_ends_the_run(times: dict[str, float], kind: type[Algorithm]) -> None:
     expected = ended(failing(times), kind(), None)
     calls: list[str] = []
     network = with_steps_apart(failing(times), calls)
@@ -424,14 +420,14 @@ def test_a_failure_apart_is_the_first_one_and_nothing_goes_on(
 
 
 @pytest.mark.slow
-def test_an_isolated_fmu_that_fails_beside_others_leaves_them_usable(faulty_fmu: Path) -> None:
+def test_isolated_fmu_that_fails_beside_others_leaves_them_usable(faulty_fmu: Path) -> None:
     system = line_with_a_fault(faulty_fmu, Fault.ERROR, 0.35)
     options = {"stop_time": 1.0, "step_size": 0.1, "algorithm": "jacobi"}
     with ec.load(system, **options).prepare(isolate=True) as simulation:
         for _ in range(2):
             with pytest.raises(ec.RunError, match=r"j\.bad answered doStep at t = 0\.3 s with fmi2Error"):
                 simulation.run()
-        again = simulation.run(set={"j.bad.fault": Fault.NONE.value})
-        assert again.time[-1] == 1.0
+        without_fault = simulation.run(set={"j.bad.fault": Fault.NONE.value})
+        assert without_fault.time[-1] == 1.0
     with open_system(system) as assembly:
         assert len(assembly.instances) == 3

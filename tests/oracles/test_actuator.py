@@ -87,8 +87,8 @@ T_S, LOAD = 1e-3, 20e3  # of the prototype
 def sheet(numbers: Mapping[str, tuple[float, str]]) -> dict[str, dict[str, Any]]:
     """Tables of an actuator with these numbers."""
     tables: dict[str, dict[str, Any]] = {}
-    for place, (number, unit) in numbers.items():
-        table, key = place.split(".")
+    for entry, (number, unit) in numbers.items():
+        table, key = entry.split(".")
         tables.setdefault(table, {})[key] = f"{number!r} {unit}" if unit else number
     return tables
 
@@ -146,10 +146,10 @@ def expected(n: Mapping[str, float]) -> dict[str, dict[str, Any]]:
         "thermal.tau_th": ("motor.tau_th", 60.0),
         "thermal.permitted_rise": ("motor.permitted_rise", 1.0),
     }
-    plant |= {name: n[place] * factor for place, (name, factor) in si.items() if place in n}
+    plant |= {name: n[entry] * factor for entry, (name, factor) in si.items() if entry in n}
     if "thermal.tau_th" in n:
         plant["motor.i_N"] = math.sqrt(2) * n["motor.i_N"]
-    left = max(torque - LOAD * radius / efficiency, 0.1 * torque)
+    spare_torque = max(torque - LOAD * radius / efficiency, 0.1 * torque)
     controller = {
         **{f"model.{name}": value for name, value in winding.items()},
         "model.alpha_RL": 1 / radius,
@@ -158,7 +158,7 @@ def expected(n: Mapping[str, float]) -> dict[str, dict[str, Any]]:
         "limit.i_max": torque / (1.5 * p * flux),
         "limit.u_max": u_max,
         "limit.v_max": v_max,
-        "limit.a_max": n.get("control.a_max", 0.25 * left / A_eq),
+        "limit.a_max": n.get("control.a_max", 0.25 * spare_torque / A_eq),
     }
     observer = {"model.N_p": p, "model.Phi_PM": flux, "model.A_eq": A_eq, "model.B_eq": B_eq}
     if "control.k_1" in n:
@@ -177,35 +177,35 @@ USUAL = parameters(ec.load("prototype"))
 
 
 @pytest.mark.parametrize("numbers", [MV43, MV43 | MORE], ids=["MV43", "with everything"])
-def test_start_values_follow_from_entries(
-    numbers: dict[str, tuple[float, str]],
-) -> None:
+def test_start_values_follow_from_entries(numbers: dict[str, tuple[float, str]]) -> None:
     """Each entry is changed by 5 %, or by 2 where it is a count; all parameters are held to closed forms."""
-    moved: dict[str, set[str]] = {}
+    affected: dict[str, set[str]] = {}
     before: dict[str, Any] = {}
-    for place in (None, *numbers):
+    for entry in (None, *numbers):
         varied = dict(numbers)
-        if place is not None:
-            number, unit = numbers[place]
-            varied[place] = (number + 2 if isinstance(number, int) else 1.05 * number, unit)
-        found = parameters(ec.load("prototype", actuator={"prototype": ec.Actuator(**sheet(varied))}))
+        if entry is not None:
+            number, unit = numbers[entry]
+            varied[entry] = (number + 2 if isinstance(number, int) else 1.05 * number, unit)
+        values = parameters(ec.load("prototype", actuator={"prototype": ec.Actuator(**sheet(varied))}))
         follows = expected({name: number for name, (number, _) in varied.items()})
-        wanted = USUAL | {f"prototype.{c}.{n}": x for c, x_of in follows.items() for n, x in x_of.items()}
-        assert found.keys() == wanted.keys(), place
-        for name, value in wanted.items():
-            assert found[name] == pytest.approx(value, rel=1e-12, abs=1e-300), (place, name)
-        if place is None:
-            before = found
+        expected_values = USUAL | {
+            f"prototype.{c}.{n}": x for c, x_of in follows.items() for n, x in x_of.items()
+        }
+        assert values.keys() == expected_values.keys(), entry
+        for name, value in expected_values.items():
+            assert values[name] == pytest.approx(value, rel=1e-12, abs=1e-300), (entry, name)
+        if entry is None:
+            before = values
         else:
-            moved[place] = {name.split(".")[1] for name in found if found[name] != before[name]}
+            affected[entry] = {name.split(".")[1] for name in values if values[name] != before[name]}
     everywhere = ("motor.poles", "motor.kT", "motor.J_m", "screw.M_BS", "screw.lead", "gearbox.ratio")
-    for place in everywhere:
-        assert moved[place] == {"plant", "observer", "controller"}, place
+    for entry in everywhere:
+        assert affected[entry] == {"plant", "observer", "controller"}, entry
     # what only checks others, or is not what limits, moves nothing
     checks = {"motor.K_E", "motor.i_N", "inverter.i_max"} if numbers is MV43 else set()
     if numbers is not MV43:
         checks = {"motor.K_E", "motor.tau_N", "motor.i_max", "inverter.i_max", "motor.n_max"}
-    assert {place for place, components in moved.items() if not components} == checks
+    assert {entry for entry, components in affected.items() if not components} == checks
 
 
 def test_file_has_the_numbers_of_this_test() -> None:
@@ -218,8 +218,8 @@ def test_file_has_the_numbers_of_this_test() -> None:
 def with_entries(**changes: Any) -> dict[str, Any]:
     """The sheet with entries changed, written table__key; None takes one out."""
     tables = copy.deepcopy({name: x for name, x in SHEET.items() if isinstance(x, dict)})
-    for place, value in changes.items():
-        table, key = place.split("__")
+    for entry, value in changes.items():
+        table, key = entry.split("__")
         tables.setdefault(table, {})[key] = value
         if value is None:
             del tables[table][key]
@@ -262,9 +262,9 @@ def with_entries(**changes: Any) -> dict[str, Any]:
     ids=str,
 )
 def test_other_units_give_the_same_actuator(changes: dict[str, Any]) -> None:
-    found, usual = ec.Actuator(**with_entries(**changes)), ec.Actuator.read(FILE)
-    assert asdict(found.emla) == pytest.approx(asdict(usual.emla), rel=1e-14)
-    assert found.plant == pytest.approx(usual.plant, rel=1e-14)
+    actuator, usual = ec.Actuator(**with_entries(**changes)), ec.Actuator.read(FILE)
+    assert asdict(actuator.emla) == pytest.approx(asdict(usual.emla), rel=1e-14)
+    assert actuator.plant == pytest.approx(usual.plant, rel=1e-14)
 
 
 # ---- What is wrong with a sheet ----------------------------------------------------------------
@@ -349,7 +349,7 @@ def test_invalid_actuator_files(content: bytes, message: str, tmp_path: Path) ->
     assert message in str(caught.value)
 
 
-places = st.sampled_from([(table, e.key) for table, entries in TABLES.items() for e in entries])
+entry_keys = st.sampled_from([(table, e.key) for table, entries in TABLES.items() for e in entries])
 odd = st.one_of(
     st.text(max_size=20),
     st.floats(),
@@ -360,15 +360,15 @@ odd = st.one_of(
 )
 
 
-@given(st.lists(st.tuples(places, odd), min_size=1, max_size=3))
+@given(st.lists(st.tuples(entry_keys, odd), min_size=1, max_size=3))
 def test_any_entry_gives_an_actuator_or_a_message(changes: list[Any]) -> None:
     try:
-        found = ec.Actuator(**with_entries(**{f"{table}__{key}": x for (table, key), x in changes}))
+        actuator = ec.Actuator(**with_entries(**{f"{table}__{key}": x for (table, key), x in changes}))
     except ec.CommandError as error:
         assert str(error)
     else:
-        numbers = [x for x in asdict(found.emla).values() if isinstance(x, float)]
-        assert all(map(math.isfinite, numbers)) and math.isfinite(found.emla.A_eq)
+        numbers = [x for x in asdict(actuator.emla).values() if isinstance(x, float)]
+        assert all(map(math.isfinite, numbers)) and math.isfinite(actuator.emla.A_eq)
 
 
 # ---- In its joint ------------------------------------------------------------------------------
@@ -381,11 +381,11 @@ def test_impossible_motions_are_refused() -> None:
     start, speed = caught.value.fields["problems"]
     assert start.startswith("prototype starts at 46 mm, outside the stroke of its actuator, 50 to 170 mm")
     assert "peaks at 46.87 mm/s, faster than its actuator's 30 mm/s" in speed and "1.57 times" in speed
-    short = ec.Actuator(**with_entries(screw__stroke="120 mm"))
+    small_stroke = ec.Actuator(**with_entries(screw__stroke="120 mm"))
     with pytest.raises(ec.CommandError, match="goes from 50 to 150 mm, outside the stroke"):
-        ec.load("prototype", actuator={"prototype": short})
+        ec.load("prototype", actuator={"prototype": small_stroke})
     elsewhere = {f"prototype.reference.waypoint[{i}]": 0.1 for i in range(2, 10)}
-    assert not ec.load("prototype", actuator={"prototype": short}, set=elsewhere).notes
+    assert not ec.load("prototype", actuator={"prototype": small_stroke}, set=elsewhere).notes
 
 
 def test_impossible_trajectories_are_refused() -> None:
@@ -422,28 +422,28 @@ def test_values_set_in_plant_and_models_are_not_noted() -> None:
     (note,) = ec.load("lift", set={"lift.plant.screw.M_BS": 99.0, "lift.observer.model.A_eq": 1.0}).notes
     assert note.startswith("lift.plant.screw.M_BS changes, but lift.controller.model.A_eq")
     assert "observer" not in note and "--actuator lift=FILE" in note
-    both = {"lift.plant.motor.R_s": 0.2, "lift.controller.model.R_s": 0.2}
+    plant_and_model = {"lift.plant.motor.R_s": 0.2, "lift.controller.model.R_s": 0.2}
     without_model = {"lift.plant.friction.F_C": 9.0, "lift.plant.start.x_L": 0.25}
-    assert ec.load("lift", set=both).notes == ec.load("lift", set=without_model).notes == ()
+    assert ec.load("lift", set=plant_and_model).notes == ec.load("lift", set=without_model).notes == ()
 
 
 def test_gains_of_another_actuator_are_noted() -> None:
     for controller, gains, count in (("cac", "tuned", 1), ("foc", "rule", 0), ("rsba", "published", 1)):
-        chosen = ec.load("prototype", actuator={"prototype": FILE}, controller=controller, gains=gains)
-        assert len(chosen.notes) == count
-        assert parameters(chosen)["prototype.controller.limit.a_max"] != 1.2
+        scenario = ec.load("prototype", actuator={"prototype": FILE}, controller=controller, gains=gains)
+        assert len(scenario.notes) == count
+        assert parameters(scenario)["prototype.controller.limit.a_max"] != 1.2
 
 
 def test_every_system_accepts_actuators_for_its_joints() -> None:
     changes = {"screw__stroke": "1 m", "gearbox__ratio": 2}
-    own = ec.Actuator(**with_entries(**changes))
+    actuator = ec.Actuator(**with_entries(**changes))
     for name in ("study", "study-drive", "published", "hdrm-replay", "hdrm-coupled", "hdrm-merged", "tilt"):
-        found, usual = parameters(ec.load(name, actuator={"tilt": own})), parameters(ec.load(name))
-        tilt = {x for x in usual if found[x] != usual[x]}
-        kept = [x for x in tilt if not x.startswith("tilt.") and not x.endswith("[2]")]
-        assert not kept and any("observer.model" in x for x in tilt) and any("limit" in x for x in tilt)
-    merged = parameters(ec.load("hdrm-merged", actuator={"tilt": own}))
-    coupled = parameters(ec.load("hdrm-coupled", actuator={"tilt": own}))
+        values, usual = parameters(ec.load(name, actuator={"tilt": actuator})), parameters(ec.load(name))
+        tilt = {x for x in usual if values[x] != usual[x]}
+        elsewhere = [x for x in tilt if not x.startswith("tilt.") and not x.endswith("[2]")]
+        assert not elsewhere and any("observer.model" in x for x in tilt) and any("limit" in x for x in tilt)
+    merged = parameters(ec.load("hdrm-merged", actuator={"tilt": actuator}))
+    coupled = parameters(ec.load("hdrm-coupled", actuator={"tilt": actuator}))
     for machine in (merged, coupled):
         of = "machine.plant" if machine is merged else "machine.manipulator"
         assert machine[f"{of}.screw.M_BS[2]"] == 60.0 and machine[f"{of}.screw.q_UB[2]"] == 1.0
@@ -466,9 +466,9 @@ def test_unknown_joint_lists_the_joints(tmp_path: Path, fmu_folder: Path) -> Non
 def test_actuator_in_a_scenario_file_runs(fmu_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "my.toml").write_bytes(FILE.read_bytes())
     (tmp_path / "run.toml").write_text('system = "prototype"\n[actuator]\nprototype = "my.toml"\n')
-    chosen = ec.load(tmp_path / "run.toml", fmus=fmu_folder)
-    assert tmp_path / "my.toml" in chosen.options.files_read()
-    result = run_scenario(chosen, tmp_path / "out")
+    scenario = ec.load(tmp_path / "run.toml", fmus=fmu_folder)
+    assert tmp_path / "my.toml" in scenario.options.files_read()
+    result = run_scenario(scenario, tmp_path / "out")
     figures = result.metrics["joints"]["prototype"]
     assert figures["held"] and figures["trip"] is None
     assert 0.0 < figures["position_error_m"] < 2e-5
@@ -478,14 +478,14 @@ def test_actuator_in_a_scenario_file_runs(fmu_folder: Path, tmp_path: Path) -> N
     assert settings["file"].endswith("my.toml") and len(settings["sha256"]) == 64
     assert "motor.R 2.32 Ohm line to line -> plant motor.R_s = 1.16 Ohm" in settings["conversion"]
     assert settings["entered"]["motor.kT"] == "1.693717 N m/A rms"
-    again = ec.load("prototype", actuator={"prototype": ec.Actuator.read(FILE)}, fmus=fmu_folder)
-    with again.prepare() as simulation:
+    in_python = ec.load("prototype", actuator={"prototype": ec.Actuator.read(FILE)}, fmus=fmu_folder)
+    with in_python.prepare() as simulation:
         assert (simulation.run()["prototype.plant.x_L"] == result["prototype.plant.x_L"]).all()
         with pytest.raises(ec.CommandError, match="actuator"):
             simulation.run(actuator={"prototype": FILE})
     for name, value in {"actuator": {"prototype": FILE}, "controller": "foc"}.items():
         with pytest.raises(ec.CommandError, match=f"exists already; set {name} when"):
-            again.prepare(**{name: value})
+            in_python.prepare(**{name: value})
 
 
 def test_actuator_with_measured_load_and_reference(emla: Emla, tmp_path: Path) -> None:
@@ -497,8 +497,8 @@ def test_actuator_with_measured_load_and_reference(emla: Emla, tmp_path: Path) -
     for name, header, values in (("ref", "Position [mm]", position), ("load", "Force [kN]", force)):
         rows = [f"{t!r},{x!r}" for t, x in zip(times.tolist(), values.tolist(), strict=True)]
         (tmp_path / f"{name}.csv").write_text("\n".join([f"time,{header}", *rows]), encoding="utf-8")
-    moved = ("x_d=Position", "v_d=der(Position)", "a_d=der(der(Position))")
-    reference = ",".join(f"prototype.reference.{one}" for one in moved)
+    columns = ("x_d=Position", "v_d=der(Position)", "a_d=der(der(Position))")
+    reference = ",".join(f"prototype.reference.{column}" for column in columns)
     result = emla(
         *("run", "prototype", "--actuator", "prototype=my.toml", "--output", "out", "--no-plots"),
         *("--input", "load.csv:prototype.disturbance.F_L=Force"),
@@ -515,10 +515,10 @@ def test_actuator_with_measured_load_and_reference(emla: Emla, tmp_path: Path) -
 
 
 def test_workers_need_no_actuator_file(fmu_folder: Path) -> None:
-    made = Preparation.of(ec.load("prototype", actuator={"prototype": FILE}, fmus=fmu_folder))
-    assert not made.options.actuator
-    assert made.system.component("prototype.plant").parameters["screw.M_BS"] == 60.0
-    assert made.identity["values set"]["prototype.controller.model.A_eq"] == str(
+    preparation = Preparation.of(ec.load("prototype", actuator={"prototype": FILE}, fmus=fmu_folder))
+    assert not preparation.options.actuator
+    assert preparation.system.component("prototype.plant").parameters["screw.M_BS"] == 60.0
+    assert preparation.identity["values set"]["prototype.controller.model.A_eq"] == str(
         ec.Actuator.read(FILE).emla.A_eq
     )
     assert format_arguments({"actuator": {"prototype": FILE}}) == ["--actuator", f"prototype={FILE}"]

@@ -36,8 +36,8 @@ class Drive:
     def __call__(self, x: float, v: float, i_q: float, i_d: float) -> tuple[float, float]:
         c = self.controller
         x_d, v_d, a_d = paper.reference(MOVE, self.k * SAMPLE)
-        given = {"x_hat": x, "v_hat": v, "i_q": i_q, "i_d": i_d, "x_d": x_d, "v_d": v_d, "a_d": a_d}
-        for name, value in given.items():
+        measurements = {"x_hat": x, "v_hat": v, "i_q": i_q, "i_d": i_d, "x_d": x_d, "v_d": v_d, "a_d": a_d}
+        for name, value in measurements.items():
             c[name] = value
         c.do_step(self.k * SAMPLE, SAMPLE)
         self.k += 1
@@ -50,11 +50,11 @@ def ours() -> np.ndarray:
     rows, late = [], (0.0, 0.0)
     for k in range(SAMPLES):
         rows.append([plant[n] for n in ("x_L", "v_L", "i_q", "i_d")])
-        wanted = drive(*rows[-1])
+        voltages = drive(*rows[-1])
         plant["u_q"], plant["u_d"] = late
         plant["F_L"] = LOAD * LIFT.alpha_RL if k * SAMPLE >= LOAD_START - 1e-9 else 0.0
         plant.do_step(k * SAMPLE, SAMPLE)
-        late = wanted
+        late = voltages
     return np.array(rows)
 
 
@@ -100,14 +100,14 @@ def motulators() -> np.ndarray:
 
 
 def test_plant_and_foc_move_as_with_motulators_machine() -> None:
-    """A move, then a load in a step; what differs is that motulator's voltage stands while the axes turn."""
-    expected, found = motulators(), ours()
+    """A move, then a load in a step; in motulator the voltage does not turn with the axes."""
+    expected, actual = motulators(), ours()
     largest = np.abs(expected).max(axis=0)
-    apart = np.abs(found - expected).max(axis=0)
-    assert apart[0] < 1e-7
-    assert apart[1] < 0.001 * largest[1]
-    assert apart[2] < 0.01 * largest[2]
-    assert apart[3] < 0.001 * largest[2]
+    difference = np.abs(actual - expected).max(axis=0)
+    assert difference[0] < 1e-7
+    assert difference[1] < 0.001 * largest[1]
+    assert difference[2] < 0.01 * largest[2]
+    assert difference[3] < 0.001 * largest[2]
     # it moved, and the load was taken up
-    assert found[-1, 0] == pytest.approx(0.2418, abs=2e-5)
-    assert found[-1, 2] == pytest.approx(LOAD / (1.5 * LIFT.N_p * LIFT.Phi_PM), rel=0.02)
+    assert actual[-1, 0] == pytest.approx(0.2418, abs=2e-5)
+    assert actual[-1, 2] == pytest.approx(LOAD / (1.5 * LIFT.N_p * LIFT.Phi_PM), rel=0.02)

@@ -29,7 +29,7 @@ from tests.support.linear import LinearSlave, Whole, Wire, connected
 from tests.support.simulated import step_by_step
 
 EFFORT, FLOW = "b.F", "a.v"
-OUTLINE = Outline([], [], make_communication_points(1.0, 0.1), [])
+LAYOUT = Outline([], [], make_communication_points(1.0, 0.1), [])
 
 
 def rod(mode: Mode, late: tuple[bool, bool], units: Sequence[SiUnit | None] = (None, None)) -> BondEnergies:
@@ -76,19 +76,19 @@ def test_energy_against_integrals(mode: Mode, late: tuple[bool, bool]) -> None:
     coupling.write(np.array([[t, effort(t), flow(t)] for t in times]))
     created = exchanged = 0.0
     for begin in times[:-1]:
-        known = (h if begin > times[0] else 0.0, h)
+        lengths = (h if begin > times[0] else 0.0, h)
 
-        def lost(t: float, begin: float = begin, known: tuple[float, float] = known) -> float:
-            e, f = (used(s, t, begin, known, mode, x) for s, x in ((effort, late[0]), (flow, late[1])))
+        def lost_power(t: float, begin: float = begin, step_lengths: tuple[float, float] = lengths) -> float:
+            e, f = (used(s, t, begin, step_lengths, mode, x) for s, x in ((effort, late[0]), (flow, late[1])))
             return effort(t) * f - e * flow(t)
 
-        created += quad(lost, begin, begin + h)[0]
+        created += quad(lost_power, begin, begin + h)[0]
         exchanged += quad(lambda t: abs(effort(t) * flow(t)), begin, begin + h)[0]
-    found = coupling.figures()["rod"]
+    figures = coupling.figures()["rod"]
     edge = 0.0 if mode == Mode.HOLD else (7.0 * h) ** 3 * exchanged / 12  # what a parabola does not know
-    assert found["energy_error_J"] == pytest.approx(abs(created), rel=0.02, abs=edge)
-    assert found["energy_exchanged_J"] == pytest.approx(exchanged, rel=0.01)
-    assert found["energy_error"] == found["energy_error_J"] / found["energy_exchanged_J"]
+    assert figures["energy_error_J"] == pytest.approx(abs(created), rel=0.02, abs=edge)
+    assert figures["energy_exchanged_J"] == pytest.approx(exchanged, rel=0.01)
+    assert figures["energy_error"] == figures["energy_error_J"] / figures["energy_exchanged_J"]
 
 
 def test_energies_are_in_joules_for_all_units() -> None:
@@ -137,8 +137,8 @@ class PairRun:
             if start >= len(self.rows):
                 return energies.figures()["pair"]
             if resumed:
-                memory, energies = json.loads(json.dumps(energies.memory())), self._energies()
-                energies.begin(OUTLINE, memory)
+                state, energies = json.loads(json.dumps(energies.memory())), self._energies()
+                energies.begin(LAYOUT, state)
             energies.write(self.rows[start : start + length])
             start += length
         raise AssertionError
@@ -156,20 +156,20 @@ def run_pair(parts: Parts, algorithm: str, bond: tuple[int, int], stop: float, s
     """Run a pair in steps of 1 ms; `bond` has the positions of effort and flow among all outputs."""
     slaves, wires = parts
     network = connected(slaves, wires)
-    made = ALGORITHMS[algorithm]()
-    made.setup(network)
+    master = ALGORITHMS[algorithm]()
+    master.setup(network)
     times = make_communication_points(start + stop, 1e-3, start)
-    made.initialize(start, times.stop)
+    master.initialize(start, times.stop)
     rows = [np.array([start, *network.signals])]
-    for k in step_by_step(made, times):
+    for k in step_by_step(master, times):
         rows.append(np.array([times.point(k + 1), *network.signals]))
-    whole = Whole(slaves, wires)
-    onward, states = expm(whole.M * 1e-3), [whole.x_0]
+    closed_form = Whole(slaves, wires)
+    onward, states = expm(closed_form.M * 1e-3), [closed_form.x_0]
     for _ in range(times.steps):
         states.append(onward @ states[-1])
-    exact = np.array([[row[0], *(whole.N @ x)] for row, x in zip(rows, states, strict=True)])
+    exact = np.array([[row[0], *(closed_form.N @ x)] for row, x in zip(rows, states, strict=True)])
     effort, flow = (network.names[i] for i in bond)
-    return PairRun(np.array(rows), exact, made, Bond(effort, flow))
+    return PairRun(np.array(rows), exact, master, Bond(effort, flow))
 
 
 @pytest.fixture(scope="module")
@@ -192,8 +192,10 @@ def test_energy_error_of_a_heavy_load_against_the_exact_power() -> None:
     for part in (np.arange(20) + 0.5) / 20:  # the first mass between points, under the force that it used
         s = part * h
         a = -400.0 * x - 2.0 * v + force
-        place, speed = x + v * s + 0.5 * a * s * s, v + a * s
-        created += h / 20 * float(((-ratio * (-400.0 * place - 2.0 * speed + force) - force) * speed).sum())
+        position, speed = x + v * s + 0.5 * a * s * s, v + a * s
+        created += (
+            h / 20 * float(((-ratio * (-400.0 * position - 2.0 * speed + force) - force) * speed).sum())
+        )
     assert run.energies()["energy_error_J"] == pytest.approx(abs(created), rel=0.05)
 
 

@@ -70,7 +70,7 @@ def test_sudden_load_swings_or_slips_as_solved_by_scipy(excess: float, fmu_folde
     )
 
 
-def test_slip_is_that_of_a_constant_torque(fmu_folder: Path) -> None:
+def test_slip_matches_a_constant_torque(fmu_folder: Path) -> None:
     """Once it slips, x'' = (F - tau alpha) / m."""
     rows = run("EmlaAxis", "native", fmu_folder, 0.6 * STATIC, 0.2)
     late = rows[rows["time"] >= 0.05]

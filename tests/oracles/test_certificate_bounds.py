@@ -59,40 +59,42 @@ def motion(t: float, state: np.ndarray, g: ControlGains = GAINS) -> tuple[np.nda
 def run() -> tuple[Any, Certificate]:
     """A run of 3 s, and the certificate for what acted in it."""
     times = np.linspace(0.0, 3.0, 6001)
-    found = solve_ivp(lambda t, y: motion(t, y)[0], (0.0, 3.0), START, "LSODA", times, rtol=1e-9, atol=1e-12)
-    D = np.max([np.abs(motion(t, y)[1]) for t, y in zip(found.t, found.y.T, strict=True)], axis=0)
-    return found, certificate(GAINS, OBSERVER, Bounds(tuple(D.tolist()), duration=3.0))
+    solution = solve_ivp(
+        lambda t, y: motion(t, y)[0], (0.0, 3.0), START, "LSODA", times, rtol=1e-9, atol=1e-12
+    )
+    D = np.max([np.abs(motion(t, y)[1]) for t, y in zip(solution.t, solution.y.T, strict=True)], axis=0)
+    return solution, certificate(GAINS, OBSERVER, Bounds(tuple(D.tolist()), duration=3.0))
 
 
-def test_the_length_of_P_stays_below_its_bound(run: tuple[Any, Certificate]) -> None:
-    found, certified = run
-    lengths = np.linalg.norm(found.y[:4], axis=0)
-    bounds = [certified.direct_bound(t, lengths[0]) for t in found.t]
+def test_length_of_P_stays_below_its_bound(run: tuple[Any, Certificate]) -> None:
+    solution, certified = run
+    lengths = np.linalg.norm(solution.y[:4], axis=0)
+    bounds = [certified.direct_bound(t, lengths[0]) for t in solution.t]
     assert (lengths <= np.array(bounds) * (1 + 1e-6)).all()
 
 
-def test_position_and_current_stay_below_theirs_once_the_start_is_forgotten(
+def test_position_and_current_stay_below_their_bounds_after_the_start(
     run: tuple[Any, Certificate],
 ) -> None:
-    found, certified = run
-    late = np.abs(found.y[:, found.t > 1.5]).max(axis=1)
+    solution, certified = run
+    late = np.abs(solution.y[:, solution.t > 1.5]).max(axis=1)
     assert late[0] <= certified.position <= 20 * late[0]
     assert late[2] <= certified.current <= 2 * late[2]
 
 
 def test_V_stays_below_the_bound_of_the_paper(run: tuple[Any, Certificate]) -> None:
-    found, certified = run
-    off = found.y[4:] - np.array(certified.theta_star)[:, None]
-    V = 0.5 * (found.y[:4] ** 2).sum(axis=0) + 0.5 * (off**2 / np.array(GAINS.delta)[:, None]).sum(axis=0)
-    bounds = np.array([certified.lyapunov_bound(t, V[0]) for t in found.t])
+    solution, certified = run
+    off = solution.y[4:] - np.array(certified.theta_star)[:, None]
+    V = 0.5 * (solution.y[:4] ** 2).sum(axis=0) + 0.5 * (off**2 / np.array(GAINS.delta)[:, None]).sum(axis=0)
+    bounds = np.array([certified.lyapunov_bound(t, V[0]) for t in solution.t])
     assert (V <= bounds * (1 + 1e-9)).all()
-    assert np.linalg.norm(found.y[:4, -1]) <= certified.ultimate
+    assert np.linalg.norm(solution.y[:4, -1]) <= certified.ultimate
 
 
-def test_a_constant_disturbance_of_the_current_reaches_its_bound() -> None:
+def test_constant_disturbance_of_the_current_reaches_its_bound() -> None:
     certified = certificate(GAINS, OBSERVER, Bounds((0.0, 0.0, 100.0, 0.0)))
-    alone = solve_ivp(lambda t, P: -GAINS.beta[2] / 2 * P + 100.0, (0.0, 1.0), [0.0])
-    assert alone.y[0, -1] == pytest.approx(certified.current, rel=1e-3)
+    current = solve_ivp(lambda t, P: -GAINS.beta[2] / 2 * P + 100.0, (0.0, 1.0), [0.0])
+    assert current.y[0, -1] == pytest.approx(certified.current, rel=1e-3)
 
 
 def test_no_other_constants_give_less() -> None:
@@ -111,14 +113,14 @@ def test_no_other_constants_give_less() -> None:
     assert certified.theta_star[1] == pytest.approx((np.exp(best.x) * parts**2).sum() / zeta, rel=1e-4)
 
 
-def test_the_decay_rates_are_those_of_the_paper() -> None:
+def test_decay_rates_match_the_paper() -> None:
     certified = certificate(GAINS, OBSERVER, Bounds((0.0,) * 4, duration=1000.0))
     assert certified.phi == pytest.approx((1e-6 * math.exp(-1.0), 2.0, 6.0, 6.0, 6.0))
     assert certified.phi_total == certified.phi[0] == 2 * certified.rate
     assert certified.ultimate == certified.direct_ultimate == certified.observer_position == 0.0
 
 
-def test_without_adaptation_the_proof_gives_nothing_but_the_loop_still_holds() -> None:
+def test_without_adaptation_only_the_direct_bound_is_finite() -> None:
     gains = ControlGains(GAINS.beta, (0.0,) * 4, GAINS.delta, GAINS.sigma)
     certified = certificate(gains, OBSERVER, Bounds((0.0, 1.0, 0.0, 0.0)))
     assert math.isinf(certified.ultimate)
@@ -126,19 +128,19 @@ def test_without_adaptation_the_proof_gives_nothing_but_the_loop_still_holds() -
     assert certified.direct_ultimate == pytest.approx(2.0 / 40.0)
 
 
-def test_the_observer_is_that_of_the_lyapunov_equation() -> None:
+def test_observer_matches_the_lyapunov_equation() -> None:
     (a_1, a_2), (Q_11, Q_12, Q_22) = OBSERVER.alpha, OBSERVER.Q
     A, Q = np.array([[-a_1, 1.0], [-a_2, 0.0]]), np.array([[Q_11, Q_12], [Q_12, Q_22]])
     p = solve_continuous_lyapunov(A.T, -Q)
-    found = lyapunov(OBSERVER)
-    assert found == pytest.approx((p[0, 0], p[0, 1], p[1, 1]), rel=1e-9)
-    assert observer_rate(found, OBSERVER.Q) == pytest.approx(
+    actual = lyapunov(OBSERVER)
+    assert actual == pytest.approx((p[0, 0], p[0, 1], p[1, 1]), rel=1e-9)
+    assert observer_rate(actual, OBSERVER.Q) == pytest.approx(
         min(eigvals(np.linalg.solve(p, Q)).real), rel=1e-6
     )
 
 
 @pytest.mark.parametrize(("alpha_1", "near"), [(40.0, 0.3), (4.0, 0.99)])
-def test_the_estimated_position_stays_below_its_bound(alpha_1: float, near: float) -> None:
+def test_estimated_position_stays_below_its_bound(alpha_1: float, near: float) -> None:
     """The worst disturbance changes its sign as the observer swings."""
     observer = ObserverConstants((alpha_1, 400.0), (1.0, 0.0, 1.0), 1.0, 1.0, 0.0)
     swing = math.sqrt(max(400.0 - alpha_1**2 / 4, 225.0))
@@ -147,8 +149,8 @@ def test_the_estimated_position_stays_below_its_bound(alpha_1: float, near: floa
     def error(t: float, x: np.ndarray) -> list[float]:
         return [x[1] - alpha_1 * x[0], 3.0 * math.copysign(1.0, math.sin(swing * t)) - 400.0 * x[0]]
 
-    found = solve_ivp(error, (0.0, 5.0), [0.0, 0.0], max_step=1e-3)
-    assert near * bound < np.abs(found.y[0]).max() <= bound
+    solution = solve_ivp(error, (0.0, 5.0), [0.0, 0.0], max_step=1e-3)
+    assert near * bound < np.abs(solution.y[0]).max() <= bound
 
 
 @pytest.mark.parametrize(
@@ -159,7 +161,7 @@ def test_the_estimated_position_stays_below_its_bound(alpha_1: float, near: floa
         ({}, {"total": (math.nan, 0.0, 0.0, 0.0)}, "the bounds must not be negative"),
     ],
 )
-def test_wrong_gains_and_bounds_are_refused(gains: Any, bounds: Any, sentence: str) -> None:
+def test_invalid_gains_and_bounds_are_refused(gains: Any, bounds: Any, sentence: str) -> None:
     ones = dict.fromkeys(("beta", "zeta", "delta", "sigma"), (1.0,) * 4)
     with pytest.raises(ValueError, match=sentence):
         certificate(ControlGains(**{**ones, **gains}), OBSERVER, Bounds(**{"total": (0.0,) * 4, **bounds}))

@@ -26,19 +26,19 @@ def test_current_and_voltage_stay_within_their_limits(
     name: str, gain_set: int, joint: str, inputs: list[dict[str, float]]
 ) -> None:
     """And everything stays finite, as long as the inputs are."""
-    chosen, emla = CONTROLLERS[name], EMLAS[joint]
-    assert isinstance(chosen.model, type)
-    gains = gains_of(name, list(chosen.gains)[gain_set])[joint]
-    instance = started(chosen.model, start_values(chosen.model, emla, gains))
+    controller, emla = CONTROLLERS[name], EMLAS[joint]
+    assert isinstance(controller.model, type)
+    gains = gains_of(name, list(controller.gains)[gain_set])[joint]
+    instance = started(controller.model, start_values(controller.model, emla, gains))
     reference = instance.layout.reference
     for k, given_now in enumerate(inputs):
         for variable, value in given_now.items():
             instance.set([reference(variable)], [value])
         instance.do_step(k * 1e-4, 1e-4)
-        found = {n: instance.get([reference(n)])[0] for n in ("u_q", "u_d", "i_q_ref")}
-        assert all(map(math.isfinite, found.values()))
-        assert math.hypot(found["u_q"], found["u_d"]) <= min(emla.u_max, given_now["u_available"])
-        assert abs(found["i_q_ref"]) <= emla.i_max
+        outputs = {n: instance.get([reference(n)])[0] for n in ("u_q", "u_d", "i_q_ref")}
+        assert all(map(math.isfinite, outputs.values()))
+        assert math.hypot(outputs["u_q"], outputs["u_d"]) <= min(emla.u_max, given_now["u_available"])
+        assert abs(outputs["i_q_ref"]) <= emla.i_max
 
 
 near = {name: st.floats(0.2, 0.3) for name in ("x_hat", "x_d")}

@@ -26,7 +26,7 @@ M_1 = (2.0 * math.pi / (0.02 / 7.0)) ** 2 * 0.016 + 156.5
 """Mass of the default plant as the load feels it, in kg: J_m behind gear and screw, and M_BS."""
 
 
-def moved(
+def simulate(
     folder: Path, seconds: float, names: Sequence[str], values: dict[str, Any], model: str = MODEL
 ) -> list[np.ndarray]:
     """Values at the start and after each step of the native FMU."""
@@ -58,7 +58,7 @@ def test_masses_swing_as_two_masses_on_a_spring(m: float, k: float, zeta: float,
         "start.deflection": 1e-3,
     }
     names = ("transmission.deflection", "x_L", "load.x")
-    deflection, x_L, x_load = moved(fmu_folder, 0.5, names, values)
+    deflection, x_L, x_load = simulate(fmu_folder, 0.5, names, values)
     t = H * np.arange(len(deflection))
     decay = zeta * math.sqrt(k / reduced)
     omega = math.sqrt(k / reduced) * math.sqrt(1.0 - zeta * zeta)
@@ -80,7 +80,7 @@ def test_load_at_rest_hangs_on_the_spring(backlash: float, fmu_folder: Path) -> 
         "transmission.backlash": backlash,
     }
     names = ("transmission.deflection", "x_L", "load.x", "transmission.force", "load.v")
-    deflection, x_L, x_load, force, v = (x[-1] for x in moved(fmu_folder, 0.3, names, values))
+    deflection, x_L, x_load, force, v = (x[-1] for x in simulate(fmu_folder, 0.3, names, values))
     assert deflection == pytest.approx(570e-6 + 0.5 * backlash, rel=1e-5)
     assert x_load == pytest.approx(x_L - deflection, abs=1e-15)
     assert force == pytest.approx(57e3, rel=1e-5)
@@ -90,7 +90,7 @@ def test_load_at_rest_hangs_on_the_spring(backlash: float, fmu_folder: Path) -> 
 def test_stiff_transmission_is_a_rigid_plant_with_both_masses(fmu_folder: Path) -> None:
     names = ("x_L", "v_L", "i_q")
     values = {"u_q": 20.0, "u_d": -3.0, "F_L": 4e3, "gearbox.eta_GB": 1.0}
-    rigid = moved(fmu_folder, 0.05, names, {**values, "screw.M_BS": 156.5 + 2e4}, "EmlaPlant")
+    rigid = simulate(fmu_folder, 0.05, names, {**values, "screw.M_BS": 156.5 + 2e4}, "EmlaPlant")
     stiff = {
         "load.m": 2e4,
         "transmission.stiffness": 1e13,
@@ -98,10 +98,14 @@ def test_stiff_transmission_is_a_rigid_plant_with_both_masses(fmu_folder: Path) 
         "start.deflection": 4e3 / 1e13,
         "solver.internal_step": 2e-6,
     }
-    for name, ours, other in zip(names, moved(fmu_folder, 0.05, names, values | stiff), rigid, strict=True):
+    for name, ours, reference in zip(
+        names, simulate(fmu_folder, 0.05, names, values | stiff), rigid, strict=True
+    ):
         # The spring's own swing, begun by the jump of the acceleration, decays with 3000 1/s. What is left
         # falls with 1 / k: 1.8e-5 of the range here, 1.8e-4 for 1e12 N/m.
-        assert ours[50:] == pytest.approx(other[50:], rel=0.0, abs=2.2e-5 * float(np.ptp(other))), name
+        assert ours[50:] == pytest.approx(reference[50:], rel=0.0, abs=2.2e-5 * float(np.ptp(reference))), (
+            name
+        )
 
 
 # ---- backlash -----------------------------------------------------------------------------------
@@ -118,24 +122,24 @@ def bounced(values: Transmission, start: tuple[float, float], t: np.ndarray) -> 
     edges = [lambda _, s, e=edge: s[0] - e for edge in (-2.0 * half, -half, half, 2.0 * half)]
     for edge in edges:
         edge.terminal = True  # type: ignore[attr-defined]
-    found, s, now = np.full_like(t, np.nan), np.array(start), 0.0
+    deflections, s, now = np.full_like(t, np.nan), np.array(start), 0.0
     while now < t[-1]:
         solution = solve_ivp(rates, (now, t[-1]), s, "DOP853", events=edges, dense_output=True, rtol=1e-12,
                              atol=1e-16)  # fmt: skip
         inside = (t >= now) & (t <= solution.t[-1])
-        found[inside] = solution.sol(t[inside])[0]
+        deflections[inside] = solution.sol(t[inside])[0]
         now, s = solution.t[-1], solution.y[:, -1]
         if solution.status == 1:  # begin beyond the edge
             s = s + 1e-12 * s[1] * np.array([1.0, 0.0])
             now += 1e-12
-    return found
+    return deflections
 
 
 @pytest.mark.parametrize("c", [0.0, 4e4])
 def test_backlash_against_scipy_with_events(c: float, fmu_folder: Path) -> None:
     """The load flies through the play and hits both ends several times."""
     values = Transmission(m=5e3, k=1e8, c=c, b=2e-4)
-    given = {
+    start_values = {
         **FREE,
         "load.m": values.m,
         "load.v": -0.0503,
@@ -144,7 +148,7 @@ def test_backlash_against_scipy_with_events(c: float, fmu_folder: Path) -> None:
         "transmission.backlash": values.b,
         "solver.internal_step": 1e-6,
     }
-    (deflection,) = moved(fmu_folder, 0.2, ["transmission.deflection"], given)
+    (deflection,) = simulate(fmu_folder, 0.2, ["transmission.deflection"], start_values)
     expected = bounced(values, (0.0, 0.0503), H * np.arange(len(deflection)))
     assert np.sum(np.diff(np.sign(expected)) != 0) >= 6
     assert np.abs(expected).max() > values.b
@@ -157,13 +161,13 @@ def test_force_is_the_reference_and_contacts_never_pull(
 ) -> None:
     v = SimpleNamespace(deflection=deflection, v_L=speed, v_load=0.0, stiffness=1e8, damping=c)
     v.backlash = backlash
-    found = transmission.force(v)
-    assert found == pytest.approx(
+    force = transmission.force(v)
+    assert force == pytest.approx(
         Transmission(1.0, 1e8, c, backlash).force(deflection, speed), rel=1e-9, abs=1e-6
     )
     if backlash > 0.0:
-        assert found * deflection >= 0.0
-        assert abs(deflection) > 0.5 * backlash or found == 0.0
+        assert force * deflection >= 0.0
+        assert abs(deflection) > 0.5 * backlash or force == 0.0
 
 
 # ---- the sensor ---------------------------------------------------------------------------------

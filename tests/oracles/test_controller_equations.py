@@ -69,9 +69,9 @@ def rsba(p: Mapping, x: Numbers, u: SimpleNamespace, t: float) -> tuple[Numbers,
         delta, sigma, zeta = p["delta"][i], p["sigma"][i], p["zeta"][i]
         rate = -delta * sigma * theta[i] + 0.5 * zeta * delta * P**2
         if p["freeze_adaptation"]:
-            held = voltage_limited or (current_limited and i < 2)
+            frozen = voltage_limited or (current_limited and i < 2)
             largest = (p["limit.theta_max"] - theta[i]) / p["solver.internal_step"]
-            rate = 0.0 if held else min(rate, largest)
+            rate = 0.0 if frozen else min(rate, largest)
         rates[f"theta[{i + 1}]"] = rate
     return rates, {
         "u_q": part * u_3,
@@ -126,7 +126,7 @@ class Cascade:
         s = math.sqrt(self.u_l**2 - u_d**2)
         return clip(u_3, -s, s), u_d
 
-    def wanted(self, q: float, d: float) -> tuple[float, float]:
+    def required_voltages(self, q: float, d: float) -> tuple[float, float]:
         """Return u_3 and u_4, whose last three terms are the same in all READMEs."""
         u = self.u
         u_3 = q + self.R_s * u.i_q + self.omega_e * (self.L_d * u.i_d + self.Phi)
@@ -141,7 +141,7 @@ def foc(p: Mapping, x: Numbers, u: SimpleNamespace, t: float) -> tuple[Numbers, 
     i = (u.a_d + p["k_v"] * (v_ref - u.v_hat) - g_2 - d) / c.A_2
     i_q_ref = clip(i, -c.i_l, c.i_l)
     error_q, error_d = i_q_ref - u.i_q, c.i_d_ref(i_q_ref) - u.i_d
-    u_3, u_4 = c.wanted(c.L_q * (w_c * error_q + x["xi_q"]), c.L_d * (w_c * error_d + x["xi_d"]))
+    u_3, u_4 = c.required_voltages(c.L_q * (w_c * error_q + x["xi_q"]), c.L_d * (w_c * error_d + x["xi_d"]))
     u_q, u_d = c.limited(u_3, u_4)
     rates = {
         "xi_q": w_i * (w_c * error_q + (u_q - u_3) / c.L_q),
@@ -149,8 +149,8 @@ def foc(p: Mapping, x: Numbers, u: SimpleNamespace, t: float) -> tuple[Numbers, 
         "load.z": c.A_2 * u.i_q + g_2 + d_o if p["omega_d"] > 0.0 else 0.0,
     }
     limited = abs(i) > c.i_l or u_q != u_3 or u_d != u_4
-    shown = {"u_q": u_q, "u_d": u_d, "i_q_ref": i_q_ref, "saturated": float(limited)}
-    return rates, {**shown, "v_ref": v_ref, "load.d": d}
+    outputs = {"u_q": u_q, "u_d": u_d, "i_q_ref": i_q_ref, "saturated": float(limited)}
+    return rates, {**outputs, "v_ref": v_ref, "load.d": d}
 
 
 def cac(p: Mapping, x: Numbers, u: SimpleNamespace, t: float) -> tuple[Numbers, Numbers]:
@@ -167,7 +167,7 @@ def cac(p: Mapping, x: Numbers, u: SimpleNamespace, t: float) -> tuple[Numbers, 
     a_1 = clip(c.w - push[0], -p["limit.v_max"], p["limit.v_max"])
     unknown = c.g_2(u.i_d) + p["compensate"] * u.d_hat + D[0] + push[1]
     a_2 = (u.a_d + w_rate - k_2 * z[1] - z[0] - unknown) / c.A_2
-    u_3, u_4 = c.wanted(
+    u_3, u_4 = c.required_voltages(
         c.L_q * (i_rate - D[1]) - k_3 * z[2] - c.A_2 * z[1] - push[2], -c.L_d * D[2] - k_5 * z[3] - push[3]
     )
     u_q, u_d = c.limited(u_3, u_4)
@@ -186,8 +186,8 @@ def cac(p: Mapping, x: Numbers, u: SimpleNamespace, t: float) -> tuple[Numbers, 
     }
     i_max = p["limit.i_max"]
     limited = abs(a_2) > c.i_l or u_q != u_3 or u_d != u_4
-    shown = {"u_q": u_q, "u_d": u_d, "i_q_ref": clip(i_c, -i_max, i_max), "saturated": float(limited)}
-    return rates, {**shown, **{f"v[{i + 1}]": v[i] for i in range(4)}}
+    outputs = {"u_q": u_q, "u_d": u_d, "i_q_ref": clip(i_c, -i_max, i_max), "saturated": float(limited)}
+    return rates, {**outputs, **{f"v[{i + 1}]": v[i] for i in range(4)}}
 
 
 def anatc(p: Mapping, x: Numbers, u: SimpleNamespace, t: float) -> tuple[Numbers, Numbers]:
@@ -204,14 +204,14 @@ def anatc(p: Mapping, x: Numbers, u: SimpleNamespace, t: float) -> tuple[Numbers
     bend = 1.0 - math.tanh(i / c.i_l) ** 2
     i_q_ref = c.i_l * math.tanh(i / c.i_l)
     error_q, error_d = i_q_ref - u.i_q, c.i_d_ref(i_q_ref) - u.i_d
-    u_3, u_4 = c.wanted(c.L_q * w_c * error_q, c.L_d * w_c * error_d)
+    u_3, u_4 = c.required_voltages(c.L_q * w_c * error_q, c.L_d * w_c * error_d)
     u_q, u_d = c.limited(u_3, u_4)
     free = u_q == u_3 and u_d == u_4
     mu, ell = bend if free else 0.0, p["ell"]
     rates = {f"W[{j + 1}]": p["lambda_1"] * (mu * S[j] * omega - ell[0] * sigma * W[j]) for j in range(5)}
     rates["delta"] = p["lambda_2"] * (mu * h * omega - ell[1] * sigma * x["delta"])
-    shown = {"u_q": u_q, "u_d": u_d, "i_q_ref": i_q_ref, "saturated": float(bend < 0.5 or not free)}
-    return rates, {**shown, "z[1]": z_1, "z[2]": z_2, "unknown": n}
+    outputs = {"u_q": u_q, "u_d": u_d, "i_q_ref": i_q_ref, "saturated": float(bend < 0.5 or not free)}
+    return rates, {**outputs, "z[1]": z_1, "z[2]": z_2, "unknown": n}
 
 
 def inputs(draw: np.random.Generator, count: int) -> Iterator[dict[str, float]]:
@@ -264,19 +264,19 @@ def foc_gains(draw: np.random.Generator) -> Values:
 
 
 def cac_gains(draw: np.random.Generator) -> Values:
-    own: Values = {
+    gains: Values = {
         "k": [120.0, 230.0, 5.0, 1.0, 4.0],
         "m": [2e3, 3e4, 1e4],
         "epsilon": [0.01, 0.02, 1.0, 2.0],
         "leak": 5.0,
         "damping": 0.3,
     }
-    return model(draw) | own
+    return model(draw) | gains
 
 
 def anatc_gains(draw: np.random.Generator) -> Values:
-    own: Values = {"k_1": 60.0, "k_2": 0.2, "lambda_1": 40.0, "lambda_2": 30.0, "ell": [2.0, 3.0]}
-    return model(draw) | own | {"g": draw.choice([0.075, 10.0]), "b": draw.choice([0.0, 50.0])}
+    gains: Values = {"k_1": 60.0, "k_2": 0.2, "lambda_1": 40.0, "lambda_2": 30.0, "ell": [2.0, 3.0]}
+    return model(draw) | gains | {"g": draw.choice([0.075, 10.0]), "b": draw.choice([0.0, 50.0])}
 
 
 CASES: dict[type[Block], tuple[Laws, Drawn, tuple[str, ...]]] = {
@@ -296,27 +296,27 @@ CASES: dict[type[Block], tuple[Laws, Drawn, tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("block", CASES, ids=lambda block: block.__name__)
-def test_steps_are_those_of_the_readme(block: type[Block]) -> None:
+def test_steps_match_the_readme(block: type[Block]) -> None:
     laws, gains, states = CASES[block]
-    draw, seen = np.random.default_rng(31), {"saturated": set(), "voltage": set(), "weakened": set()}
+    draw, covered = np.random.default_rng(31), {"saturated": set(), "voltage": set(), "weakened": set()}
     for _ in range(20):
         start, drawn = float(draw.choice([0.0, 2.0])), gains(draw)
         p = table(block.__name__) | drawn
         instance = started(block, drawn, start)
         x, before = dict.fromkeys(states, 0.0), {"before_q": 0.0, "before_d": 0.0}
-        for i, given in enumerate(inputs(draw, 12)):
-            for name, value in given.items():
+        for i, input_values in enumerate(inputs(draw, 12)):
+            for name, value in input_values.items():
                 instance[name] = value
             t = start + i * STEP
             instance.do_step(t, STEP)
-            u = SimpleNamespace(**given, **before)
+            u = SimpleNamespace(**input_values, **before)
             x = stepped(laws, p, x, u, t, STEP)
             _, expected = laws(p, x, u, t + STEP)
             before = {"before_q": expected["u_q"], "before_d": expected["u_d"]}
             for name, value in (x | expected).items():
                 assert instance[name] == pytest.approx(value, rel=1e-7, abs=1e-9), (name, i)
-            seen["saturated"].add(expected["saturated"])
+            covered["saturated"].add(expected["saturated"])
             length = math.hypot(expected["u_q"], expected["u_d"])
-            seen["voltage"].add(length > 0.999 * min(p["limit.u_max"], given["u_available"]))
-            seen["weakened"].add(p["weaken_field"])
-    assert all(len(values) == 2 for values in seen.values()), seen
+            covered["voltage"].add(length > 0.999 * min(p["limit.u_max"], input_values["u_available"]))
+            covered["weakened"].add(p["weaken_field"])
+    assert all(len(values) == 2 for values in covered.values()), covered

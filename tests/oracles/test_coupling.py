@@ -118,37 +118,39 @@ def linear_parts(draw: Callable[..., float]) -> Part:
     return slaves, wires
 
 
-def implicit_step(whole: Whole, x: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+def implicit_step(system: Whole, x: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """States and outputs after a step that holds the outputs of its end, by linear algebra."""
-    n = [len(s.x_0) for s in whole.slaves]
+    n = [len(s.x_0) for s in system.slaves]
     rows = np.cumsum([0, *n])
-    F, G = np.zeros_like(whole.A), np.zeros_like(whole.B)
-    columns = np.cumsum([0, *(s.B.shape[1] for s in whole.slaves)])
-    for i, slave in enumerate(whole.slaves):
-        here, there = slice(rows[i], rows[i + 1]), slice(columns[i], columns[i + 1])
+    F, G = np.zeros_like(system.A), np.zeros_like(system.B)
+    columns = np.cumsum([0, *(s.B.shape[1] for s in system.slaves)])
+    for i, slave in enumerate(system.slaves):
+        state_rows, input_columns = slice(rows[i], rows[i + 1]), slice(columns[i], columns[i + 1])
         response = slave.response(step)
-        F[here, here], G[here, there] = np.split(response, [n[i], n[i] + slave.B.shape[1]], axis=1)[:2]
-    y = np.linalg.solve(np.eye(len(whole.C)) - (whole.C @ G + whole.D) @ whole.L, whole.C @ F @ x)
-    return F @ x + G @ whole.L @ y, y
+        F[state_rows, state_rows], G[state_rows, input_columns] = np.split(
+            response, [n[i], n[i] + slave.B.shape[1]], axis=1
+        )[:2]
+    y = np.linalg.solve(np.eye(len(system.C)) - (system.C @ G + system.D) @ system.L, system.C @ F @ x)
+    return F @ x + G @ system.L @ y, y
 
 
-def well_posed(whole: Whole, step: float) -> bool:
+def well_posed(system: Whole, step: float) -> bool:
     """Whether the equations of start and of the step can be solved to ten digits."""
-    n = len(whole.C)
+    n = len(system.C)
     for h in (0.0, step):
-        answers = np.array([implicit_sweep(whole, h, column) for column in np.eye(n)]).T
+        answers = np.array([implicit_sweep(system, h, column) for column in np.eye(n)]).T
         if np.linalg.cond(np.eye(n) - answers) > 1e3:
             return False
     return True
 
 
-def implicit_sweep(whole: Whole, step: float, y: np.ndarray) -> np.ndarray:
+def implicit_sweep(system: Whole, step: float, y: np.ndarray) -> np.ndarray:
     """What outputs y come back as after a step from rest."""
-    u = np.split(whole.L @ y, np.cumsum([s.B.shape[1] for s in whole.slaves])[:-1])
+    u = np.split(system.L @ y, np.cumsum([s.B.shape[1] for s in system.slaves])[:-1])
     answers = []
-    for slave, held in zip(whole.slaves, u, strict=True):
-        x = slave.response(step) @ np.concatenate([np.zeros_like(slave.x_0), held, np.zeros_like(held)])
-        answers.append(slave.C @ x + slave.D @ held)
+    for slave, inputs in zip(system.slaves, u, strict=True):
+        x = slave.response(step) @ np.concatenate([np.zeros_like(slave.x_0), inputs, np.zeros_like(inputs)])
+        answers.append(slave.C @ x + slave.D @ inputs)
     return np.concatenate(answers)
 
 
@@ -176,14 +178,14 @@ ITSELF: Part = ([gain("a", [[-7.0]]), gain("after", [[2.0]])], [(0, 0, 0, 0), (0
 @example(ITSELF)
 def test_strong_coupling_is_the_implicit_step_of_the_whole(part: Part) -> None:
     step, steps, tolerance = 0.1, 4, 1e-9
-    whole = Whole(*part)
-    assume(well_posed(whole, step))
+    system = Whole(*part)
+    assume(well_posed(system, step))
     times = make_communication_points(steps * step, step)
     algorithm = begun(connected(*part), Strong(coupling_tolerance=tolerance), times)
-    x, signals = whole.x_0.copy(), algorithm.network.signals
+    x, signals = system.x_0.copy(), algorithm.network.signals
     size = np.abs(signals) + 0.01
     for k in step_by_step(algorithm, times):
-        x, y = implicit_step(whole, x, step)
+        x, y = implicit_step(system, x, step)
         size = np.maximum(size, np.abs(y) + 0.01)
         # what is left of the disagreement, in each of the steps, times the condition of the equation
         assert np.abs(signals - y).max() <= 1e3 * (k + 1) * tolerance * size.max()
@@ -193,7 +195,7 @@ def test_only_slaves_in_loops_repeat_steps() -> None:
     a, b, c, d = gain("a", [[3.0]]), gain("b", [[-2.0]]), gain("c", [[5.0, 1.0]]), gain("d", [[1.0]])
     sink, source = gain("sink", [[1.0]]), LinearSlave("source", [[-1.0]], [], [1.0], np.empty((1, 0)), [1.0])
     slaves = [sink, a, b, source, c, d]
-    # d -> sink, a <-> b, b -> c, c <-> d; nobody reads the source
+    # d -> sink, a <-> b, b -> c, c <-> d; no slave reads the source
     wires = [(5, 0, 0, 0), (2, 0, 1, 0), (1, 0, 2, 0), (5, 0, 4, 0), (2, 0, 4, 1), (4, 0, 5, 0)]
     times = make_communication_points(0.1, 0.1)
     algorithm = begun(connected(slaves, wires), Strong(), times)
@@ -204,7 +206,7 @@ def test_only_slaves_in_loops_repeat_steps() -> None:
     assert a.steps + c.steps == algorithm.sweeps > 4
 
 
-def test_slaves_keep_the_state_of_the_last_sweep() -> None:
+def test_state_of_slaves_is_that_of_the_last_sweep() -> None:
     """Bit for bit what one step from the start makes of the inputs that they hold."""
     slaves, wires = TWO_SIGNALS
     for slave in slaves:
@@ -244,11 +246,11 @@ def fixed_point(
 
 def sweeps_of(algorithm: Strong, steps: int) -> list[int]:
     """Do so many steps, and return the sweeps in each."""
-    found, before = list[int](), 0
+    counts, before = list[int](), 0
     for _ in itertools.islice(step_by_step(algorithm, TIMES), steps):
-        found.append(algorithm.sweeps - before)
+        counts.append(algorithm.sweeps - before)
         before = algorithm.sweeps
-    return found
+    return counts
 
 
 class Affine:
@@ -286,17 +288,17 @@ def test_affine_problems_take_two_sweeps_with_a_known_jacobian(count: int, seed:
 
 def test_rounding_errors_do_not_change_the_jacobian() -> None:
     """A residual of 1e6 that changes by 1e-6: each try follows a tenth of it, as if nothing had changed."""
-    tried: list[float] = []
+    trials: list[float] = []
 
     def answer(x: np.ndarray) -> np.ndarray:
-        tried.append(float(x[0]))
-        return x + 1e6 + 1e-6 * (len(tried) % 2)
+        trials.append(float(x[0]))
+        return x + 1e6 + 1e-6 * (len(trials) % 2)
 
     algorithm, slave = fixed_point(answer, [0.0])
     slave.rolls_back = True
     with pytest.raises(RunError, match="does not converge"):
         sweeps_of(algorithm, 1)
-    assert np.diff(tried[:SWEEPS]) == pytest.approx([1e5] * (SWEEPS - 1), rel=1e-9)
+    assert np.diff(trials[:SWEEPS]) == pytest.approx([1e5] * (SWEEPS - 1), rel=1e-9)
 
 
 def test_nonlinear_problem_that_repetition_does_not_solve() -> None:
@@ -307,8 +309,8 @@ def test_nonlinear_problem_that_repetition_does_not_solve() -> None:
 
     algorithm, _ = fixed_point(answer, [0.5, 0.5])
     assert sweeps_of(algorithm, 1)[0] <= 20
-    found = algorithm.network.signals
-    assert answer(found) == pytest.approx(found, abs=1e-6)
+    solution = algorithm.network.signals
+    assert answer(solution) == pytest.approx(solution, abs=1e-6)
     x = np.array([0.5, 0.5])
     for _ in range(1000):
         x = answer(x)
@@ -325,7 +327,9 @@ def test_nonlinear_problem_that_repetition_does_not_solve() -> None:
     ],
 )
 @pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
-def test_failed_iteration_is_forgotten(answer: Callable[[np.ndarray], np.ndarray], sweeps: int) -> None:
+def test_failed_iteration_resets_the_jacobian(
+    answer: Callable[[np.ndarray], np.ndarray], sweeps: int
+) -> None:
     """A Jacobian from answers that ended in no number would lead the next step astray."""
     algorithm, slave = fixed_point(answer, [1.0, 1.0])
     slave.varies_step = False
@@ -364,8 +368,8 @@ def limited(limit: float, spans: list[tuple[float, float]]) -> Network:
 def test_discarded_step_is_done_in_halves() -> None:
     spans: list[tuple[float, float]] = []
     algorithm = after_a_step(limited(0.25, spans), at=1.0)
-    done = list(dict.fromkeys(spans))
-    assert done == [(1.0, 0.25), (1.25, 0.25), (1.5, 0.25), (1.75, 0.25)]
+    distinct_spans = list(dict.fromkeys(spans))
+    assert distinct_spans == [(1.0, 0.25), (1.25, 0.25), (1.5, 0.25), (1.75, 0.25)]
     # x' = v, v' = -x by the implicit Euler method, four times
     expected = np.linalg.matrix_power(np.linalg.inv([[1.0, -0.25], [0.25, 1.0]]), 4) @ [1.0, 0.0]
     assert algorithm.network.signals == pytest.approx(expected, abs=1e-7)
@@ -464,7 +468,7 @@ def test_step_that_does_not_converge_is_halved() -> None:
 
 
 def test_loop_that_moves_along_a_line_needs_one_sweep() -> None:
-    """The guess goes on along the line of the last two points."""
+    """The guess continues along the line of the last two points."""
     network = pair(lambda u, h: u)
     network.instances[0] = FakeSlave("a", 1, [0.0], lambda u, x, t, h: [3.0 * (t + h) - 1.0])
     network = Network(network.instances, network.links)

@@ -76,8 +76,10 @@ def test_size_of_the_error(
 
 
 def test_chain_whose_fmus_take_no_derivatives(fmu_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    known = FmuFile.has_capability
-    monkeypatch.setattr(FmuFile, "has_capability", lambda f, c: c != "canInterpolateInputs" and known(f, c))
+    has_capability = FmuFile.has_capability
+    monkeypatch.setattr(
+        FmuFile, "has_capability", lambda f, c: c != "canInterpolateInputs" and has_capability(f, c)
+    )
     case = chain(3, 0.1)
     result = run(case.system, fmu_folder, 1e-3, 10.0, algorithm="strong", extrapolation="fmu")
     assert result.remarks[0].startswith(
@@ -143,13 +145,13 @@ def test_controller_keeps_its_sampling_times(fmu_folder: Path, algorithm: str) -
     for _ in range(count):
         free = onward @ [y[0], y[1], 0.0]
         if is_late:
-            known, voltage = y[1], y[2]
+            sampled_speed, voltage = y[1], y[2]
         else:  # u = 0.5 (10 - w) + 0.05 (z + 10 - w) with w = free_w + onward_wu u
             voltage = (0.55 * (10.0 - free[1]) + 0.05 * z) / (1.0 + 0.55 * onward[1, 2])
-            known = free[1] + onward[1, 2] * voltage
-        z += 10.0 - known
+            sampled_speed = free[1] + onward[1, 2] * voltage
+        z += 10.0 - sampled_speed
         y = onward @ [y[0], y[1], voltage]
-        y[2] = 0.5 * (10.0 - known) + 0.05 * z
+        y[2] = 0.5 * (10.0 - sampled_speed) + 0.05 * z
         speeds.append(y[1])
     error = np.abs(result["rotor.w"] - speeds).max() / np.ptp(speeds)
     record = result.record["coupling"]
@@ -201,8 +203,10 @@ def test_fmus_that_do_not_show_whether_they_sample(tmp_path: Path) -> None:
 
 
 def test_fmus_that_cannot_restore_states(fmu_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    known = FmuFile.has_capability
-    monkeypatch.setattr(FmuFile, "has_capability", lambda f, c: c != "canGetAndSetFMUstate" and known(f, c))
+    has_capability = FmuFile.has_capability
+    monkeypatch.setattr(
+        FmuFile, "has_capability", lambda f, c: c != "canGetAndSetFMUstate" and has_capability(f, c)
+    )
     case = chain(2, 5.0, 1000.0)
     rough, fine = (run(case.system, fmu_folder, step, 10.0) for step in (0.02, 1e-4))
     assert rough.record["coupling"]["repeated"] == "differences of rows"
@@ -223,8 +227,8 @@ def test_inputs_that_are_set_during_a_run(fmu_folder: Path) -> None:
 def test_runs_of_one_simulation_share_the_cost(fmu_folder: Path) -> None:
     case = drive()
     with ec.load(case.system, step_size=0.01, stop_time=1.0).prepare(fmus=fmu_folder) as simulation:
-        first, again, other = simulation.run(), simulation.run(), simulation.run(set={"motor.i": 0.1})
+        first, second, changed = simulation.run(), simulation.run(), simulation.run(set={"motor.i": 0.1})
         shorter = simulation.run(step_size=0.005)
-    assert first.coupling == again.coupling
-    assert other.record["coupling"]["not_estimated"] == "an earlier run of this simulation has an estimate"
+    assert first.coupling == second.coupling
+    assert changed.record["coupling"]["not_estimated"] == "an earlier run of this simulation has an estimate"
     assert shorter.record["coupling"]["estimated_error"] < first.record["coupling"]["estimated_error"]

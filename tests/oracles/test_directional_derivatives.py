@@ -59,28 +59,28 @@ class At:
         self.session.slaves.remove(self.slave)
         self.slave.freeInstance()
 
-    def outputs(self, known: str, value: float) -> np.ndarray:
+    def outputs(self, variable: str, value: float) -> np.ndarray:
         """The unknowns with one known changed."""
-        before = self.values[self.knowns.index(known)]
-        self._write(known, value)
-        found = np.array(self.session.get(self.slave, *self.unknowns))
-        self._write(known, before)
-        return found
+        before = self.values[self.knowns.index(variable)]
+        self._write(variable, value)
+        outputs = np.array(self.session.get(self.slave, *self.unknowns))
+        self._write(variable, before)
+        return outputs
 
-    def _write(self, known: str, value: float) -> None:
-        if self.running and known in self.states:
+    def _write(self, variable: str, value: float) -> None:
+        if self.running and variable in self.states:
             x = continuous_states(self.slave, len(self.states))
-            x[self.states.index(known)] = value
+            x[self.states.index(variable)] = value
             set_continuous_states(self.slave, x)
         else:
-            self.slave.setReal(self.session.references([known]), [value])
+            self.slave.setReal(self.session.references([variable]), [value])
 
     def exact(self, direction: dict[str, float], unknowns: Sequence[str] | None = None) -> np.ndarray:
         r = self.session.references
-        found = self.slave.getDirectionalDerivative(
+        derivatives = self.slave.getDirectionalDerivative(
             r(unknowns or self.unknowns), r(list(direction)), list(direction.values())
         )
-        return np.array(found)
+        return np.array(derivatives)
 
 
 def central(f: Callable[[float], np.ndarray], x: float, h: float) -> tuple[np.ndarray, np.ndarray]:
@@ -93,7 +93,7 @@ def central(f: Callable[[float], np.ndarray], x: float, h: float) -> tuple[np.nd
 def differences(f: Callable[[float], np.ndarray], x: float, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """The derivatives on which two step sizes agree best, and |f(x)| / reach."""
     steps = [s * reach for s in (3e-3, 1e-3, 1e-4, 1e-5, 1e-6)]
-    slopes, sizes = (np.array(found) for found in zip(*(central(f, x, h) for h in steps), strict=True))
+    slopes, sizes = (np.array(columns) for columns in zip(*(central(f, x, h) for h in steps), strict=True))
     scale = np.min(sizes, axis=0) / reach
     # relative, because steps longer than the waves of a sine would agree on a slope near zero
     changes = np.abs(np.diff(slopes, axis=0)) / (np.abs(slopes[1:]) + 1e-9 * scale + 1e-300)
@@ -112,14 +112,14 @@ MOST = 40
 def check(at: At, data: st.DataObject) -> None:
     terms = np.array([at.point.terms.get(unknown, 0.0) for unknown in at.unknowns])
     stride = math.ceil(len(at.knowns) / MOST)
-    for known in at.knowns[data.draw(st.integers(0, stride - 1)) :: stride]:
-        value = at.values[at.knowns.index(known)]
-        reach = at.point.reach.get(known, abs(value))
-        expected, scale = differences(lambda x, known=known: at.outputs(known, x), value, reach)
+    for variable in at.knowns[data.draw(st.integers(0, stride - 1)) :: stride]:
+        value = at.values[at.knowns.index(variable)]
+        reach = at.point.reach.get(variable, abs(value))
+        expected, scale = differences(lambda x, variable=variable: at.outputs(variable, x), value, reach)
         scale = np.maximum(scale, terms / reach)
-        found = at.exact({known: 1.0})
-        bad = np.flatnonzero(~(np.abs(found - expected) <= RELATIVE * np.abs(expected) + OF_SCALE * scale))
-        assert not bad.size, [(f"d {at.unknowns[i]} / d {known}", found[i], expected[i]) for i in bad]
+        actual = at.exact({variable: 1.0})
+        bad = np.flatnonzero(~(np.abs(actual - expected) <= RELATIVE * np.abs(expected) + OF_SCALE * scale))
+        assert not bad.size, [(f"d {at.unknowns[i]} / d {variable}", actual[i], expected[i]) for i in bad]
 
 
 # ---- tests -------------------------------------------------------------------------------------
@@ -128,7 +128,7 @@ def check(at: At, data: st.DataObject) -> None:
 @pytest.mark.parametrize("model", ALL)
 @given(data=st.data())
 @examples(3, 25)
-def test_derivatives_in_initialization_are_those_of_differences(
+def test_derivatives_in_initialization_match_differences(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
     """By inputs, parameters and start values of states."""
@@ -139,7 +139,7 @@ def test_derivatives_in_initialization_are_those_of_differences(
 @pytest.mark.parametrize("model", WITH_STATES)
 @given(data=st.data())
 @examples(3, 25)
-def test_derivatives_in_continuous_time_are_those_of_differences(
+def test_derivatives_in_continuous_time_match_differences(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
     """By inputs and states."""
@@ -169,7 +169,7 @@ def test_parameters_count_alike_in_every_phase(
 @pytest.mark.parametrize("model", ALL)
 @given(data=st.data())
 @examples(1, 10, suppress_health_check=[HealthCheck.large_base_example])  # blocks have large arrays
-def test_a_sum_of_directions_gives_the_sum(
+def test_sum_of_directions_gives_the_sum(
     sessions: dict[str, Session], model: str, data: st.DataObject
 ) -> None:
     session = sessions[model]
@@ -177,18 +177,18 @@ def test_a_sum_of_directions_gives_the_sum(
         reach = {k: at.point.reach.get(k, abs(x)) for k, x in zip(at.knowns, at.values, strict=True)}
         directions = st.fixed_dictionaries({k: st.floats(-r, r) for k, r in reach.items()})
         a, b = data.draw(directions), data.draw(directions)
-        both = {k: a[k] + b[k] for k in at.knowns}
+        total = {k: a[k] + b[k] for k in at.knowns}
         terms = sum(np.abs(at.exact({k: 1.0})) * (abs(a[k]) + abs(b[k])) for k in at.knowns)
         size = terms + np.abs(session.get(at.slave, *at.unknowns))
-        assert np.all(np.abs(at.exact(both) - at.exact(a) - at.exact(b)) <= 1e-11 * size)
+        assert np.all(np.abs(at.exact(total) - at.exact(a) - at.exact(b)) <= 1e-11 * size)
 
 
-def test_a_known_that_a_state_starts_from_moves_the_state(sessions: dict[str, Session]) -> None:
+def test_known_that_a_state_starts_from_moves_the_state(sessions: dict[str, Session]) -> None:
     session = sessions["Toy"]
     point = Point({"x_0": 0.5, "body.mass": 2.0, "spring.k[1]": 3.0})
     with At(session, point, FMU2Slave, running=False) as at:
-        found = at.exact({"x_0": 2.0}, ["x", "inverse", "der(v[1])", "der(x)"])
-        assert found.tolist() == [2.0, 8.0, -3.0, 0.0]
+        derivatives = at.exact({"x_0": 2.0}, ["x", "inverse", "der(v[1])", "der(x)"])
+        assert derivatives.tolist() == [2.0, 8.0, -3.0, 0.0]
 
 
 def test_unknowns_may_be_asked_in_any_order(sessions: dict[str, Session]) -> None:
@@ -226,23 +226,23 @@ ZEROS = [
 
 
 @pytest.mark.parametrize("kind", [FMU2Slave, FMU2Model])
-@pytest.mark.parametrize(("model", "values", "known", "expected"), ZEROS)
+@pytest.mark.parametrize(("model", "values", "variable", "expected"), ZEROS)
 def test_derivatives_are_right_at_zeros(
     sessions: dict[str, Session],
     model: str,
     values: dict[str, Any],
-    known: str,
+    variable: str,
     expected: dict[str, float],
     kind: Any,
 ) -> None:
     with At(sessions[model], Point(values), kind, running=kind is FMU2Model) as at:
-        assert np.isfinite(at.exact({known: 1.0})).all()
-        found = at.exact({known: 1.0}, list(expected))
-        assert found == pytest.approx(list(expected.values()), rel=1e-12, abs=0.0)
+        assert np.isfinite(at.exact({variable: 1.0})).all()
+        derivatives = at.exact({variable: 1.0}, list(expected))
+        assert derivatives == pytest.approx(list(expected.values()), rel=1e-12, abs=0.0)
 
 
 @pytest.mark.parametrize(
-    ("unknown", "known", "complaint"),
+    ("unknown", "variable", "complaint"),
     [
         ("force", "force", "toy: force is not an output, state or derivative to differentiate."),
         ("body.mass", "force", "toy: body.mass is not an output, state or derivative to differentiate."),
@@ -256,33 +256,37 @@ def test_derivatives_are_right_at_zeros(
         ("x", "damped", "toy: damped is of type Boolean."),
     ],
 )
-def test_wrong_knowns_and_unknowns_are_refused(
-    toy: Session, unknown: str, known: str, complaint: str
+def test_invalid_knowns_and_unknowns_are_refused(
+    toy: Session, unknown: str, variable: str, complaint: str
 ) -> None:
     slave = toy.instance(running=False)
     with refused():
-        slave.getDirectionalDerivative(toy.references([unknown]), toy.references([known]), [1.0])
+        slave.getDirectionalDerivative(toy.references([unknown]), toy.references([variable]), [1.0])
     assert toy.log.lines("toy") == [complaint]
     assert slave.getDirectionalDerivative(toy.references(["x"]), toy.references(["x_0"]), [1.0]) == [1.0]
 
 
-def test_knowns_with_the_seed_zero_may_be_of_any_kind(toy: Session) -> None:
+def test_knowns_with_seed_zero_can_have_any_type(toy: Session) -> None:
     """OMSimulator passes all dependencies of an unknown, and 0 for all but one."""
     slave = toy.instance(running=False)
-    others = toy.references(["count", "damped", "random", "power"])
+    unrelated = toy.references(["count", "damped", "random", "power"])
     assert slave.getDirectionalDerivative(
-        toy.references(["x"]), [*others, *toy.references(["x_0"])], [0.0, -0.0, 0.0, 0.0, 1.0]
+        toy.references(["x"]), [*unrelated, *toy.references(["x_0"])], [0.0, -0.0, 0.0, 0.0, 1.0]
     ) == [1.0]
     with refused():
         slave.getDirectionalDerivative(toy.references(["x"]), [10_000], [0.0])
 
 
 def test_other_references_and_phases_are_refused(toy: Session) -> None:
-    slave, early = toy.instance(), toy.new()
+    slave, uninitialized = toy.instance(), toy.new()
     x, force = toy.references(["x"]), toy.references(["force"])
-    for instance, unknown, known in ((slave, [10_000], force), (slave, x, [2**32 - 1]), (early, x, force)):
+    for instance, unknown, by in (
+        (slave, [10_000], force),
+        (slave, x, [2**32 - 1]),
+        (uninitialized, x, force),
+    ):
         with refused():
-            instance.getDirectionalDerivative(unknown, known, [1.0])
+            instance.getDirectionalDerivative(unknown, by, [1.0])
     assert toy.log.lines("toy") == [
         "toy: there is no variable with value reference 10000.",
         "toy: there is no variable with value reference 4294967295.",

@@ -27,9 +27,7 @@ def dynamics(m: Moment, p: Manipulator = HDRM) -> Dynamics:
     ("q", "forces"),
     [((0.244, 0.389, 0.499), [56.7, 22.8, -3.4]), ((0.270, 0.442, 0.348), [58.0, 26.1, -2.5])],
 )
-def test_static_forces_are_those_the_studys_loads_were_taken_from(
-    q: tuple[float, ...], forces: list[float]
-) -> None:
+def test_static_forces_match_the_loads_of_the_study(q: tuple[float, ...], forces: list[float]) -> None:
     assert MODEL.holding_forces(np.array([q]))[0] / 1e3 == pytest.approx(forces, abs=0.05)
 
 
@@ -41,24 +39,28 @@ def test_static_forces_stay_within_the_bounds_over_the_whole_box() -> None:
 
 def assert_is_judged(m: Moment, p: Manipulator, judge: Lagrangian) -> None:
     """To fractions of what forces and accelerations are the sums of; rounding goes with them."""
-    made = dynamics(m, p)
+    actual = dynamics(m, p)
     M, h, energy, tip = judge.at(m.q, m.v, m.payload)
     weight = judge.at(m.q, [0.0] * 3, m.payload)[1]
     summands = np.abs(M) @ np.abs(m.a) + np.abs(weight) + np.abs(h - weight) + 1.0
-    assert made.mass_matrix() == pytest.approx(M, rel=1e-9, abs=1e-9 * float(np.abs(M).max()))
-    assert made.bias(m.v) == pytest.approx(h, abs=1e-9 * summands.max())
-    assert made.inverse(m.v, m.a) == pytest.approx(
+    assert actual.mass_matrix() == pytest.approx(M, rel=1e-9, abs=1e-9 * float(np.abs(M).max()))
+    assert actual.bias(m.v) == pytest.approx(h, abs=1e-9 * summands.max())
+    assert actual.inverse(m.v, m.a) == pytest.approx(
         judge.forces(m.q, m.v, m.a, m.payload), abs=1e-9 * summands.max()
     )
     inertia = M + np.diag(REFLECTED)
     force = h + inertia @ m.a
     rounding = np.abs(np.linalg.inv(inertia)) @ (summands + REFLECTED * np.abs(m.a))
-    found = np.array(made.forward(m.v, force.tolist(), REFLECTED.tolist()))
-    assert np.all(np.abs(found - m.a) <= 1e-9 * rounding)
+    accelerations = np.array(actual.forward(m.v, force.tolist(), REFLECTED.tolist()))
+    assert np.all(np.abs(accelerations - m.a) <= 1e-9 * rounding)
     height = float(np.abs(tip).max()) + 1.0
-    assert made.energy(m.v) == pytest.approx(energy, rel=1e-9, abs=1e-10 * (1.0 + m.payload) * height * 10.0)
-    assert made.mechanism.payload is not None
-    assert [plain(x) for x in made.pose.point(made.mechanism.payload)[:2]] == pytest.approx(tip, abs=1e-11)
+    assert actual.energy(m.v) == pytest.approx(
+        energy, rel=1e-9, abs=1e-10 * (1.0 + m.payload) * height * 10.0
+    )
+    assert actual.mechanism.payload is not None
+    assert [plain(x) for x in actual.pose.point(actual.mechanism.payload)[:2]] == pytest.approx(
+        tip, abs=1e-11
+    )
 
 
 @given(m=MOMENTS)
@@ -87,9 +89,14 @@ def test_any_manipulator_agrees_with_pinocchio(m: Moment, p: Manipulator) -> Non
     machine = MachineModel(FILE, named_values(p)).machine
     assert machine.payload is not None
     judge = PinocchioMachine(replace(machine, payload=replace(machine.payload, m=m.payload)))
-    made, v, a = dynamics(m, p), m.v, m.a
-    size = np.abs(made.mass_matrix()) @ np.abs(a) + np.abs(made.bias([0.0] * 3)) + np.abs(made.bias(v)) + 1.0
-    assert made.inverse(v, a) == pytest.approx(judge.forces(m.q, v, a), abs=1e-9 * size.max())
+    actual, v, a = dynamics(m, p), m.v, m.a
+    size = (
+        np.abs(actual.mass_matrix()) @ np.abs(a)
+        + np.abs(actual.bias([0.0] * 3))
+        + np.abs(actual.bias(v))
+        + 1.0
+    )
+    assert actual.inverse(v, a) == pytest.approx(judge.forces(m.q, v, a), abs=1e-9 * size.max())
 
 
 @given(m=MOMENTS)
@@ -98,6 +105,6 @@ def test_many_poses_at_once_have_the_same_forces_and_energies(m: Moment) -> None
     rows = [np.array([x, [0.9 * y for y in x]]) for x in (m.q, m.v, m.a)]
     forces, energies = MODEL.forces(*rows, m.payload), MODEL.energy(rows[0], rows[1], m.payload)
     for i, (q, v, a) in enumerate(zip(*(row.tolist() for row in rows), strict=True)):
-        made = dynamics(Moment(q, v, a, m.payload))
-        assert forces[i] == pytest.approx(made.inverse(v, a), rel=1e-12, abs=1e-9)
-        assert energies[i] == pytest.approx(made.energy(v), rel=1e-12, abs=1e-9)
+        single = dynamics(Moment(q, v, a, m.payload))
+        assert forces[i] == pytest.approx(single.inverse(v, a), rel=1e-12, abs=1e-9)
+        assert energies[i] == pytest.approx(single.energy(v), rel=1e-12, abs=1e-9)

@@ -1,7 +1,7 @@
 """The electromechanical positioning system EMPS is identified: simulated from its equations, and measured.
 
 Source: A. Janot, M. Gautier and M. Brunot, "Data Set and Reference Models of EMPS", Workshop on Nonlinear
-System Identification Benchmarks (2019). The measured record is no part of this project.
+System Identification Benchmarks (2019). The measured record is not part of this project.
 """
 
 from itertools import pairwise
@@ -54,7 +54,7 @@ class Emps(Carriage):
         return {"x": v.v, "v": self.accelerate(v, v.F)}
 
 
-def wanted(time: float) -> float:
+def reference_position(time: float) -> float:
     """Return the reference position in m: 0.2 m there and back in 1 s each, and half as far as slowly."""
     far, begin, duration = (0.2, 0.0, 1.0) if time < 2.0 else (0.1, 2.0, 1.0)
     s = (time - begin) / duration
@@ -69,13 +69,15 @@ def measure(seed: int) -> dict[str, np.ndarray]:
     x = v = before = 0.0
     rows = list[tuple[float, float, float]]()
     for k in range(4001):
-        seen = DIGIT * np.round(x / DIGIT)
-        speed = (seen - before) / STEP if k else 0.0
-        before = seen
+        rounded = DIGIT * np.round(x / DIGIT)
+        speed = (rounded - before) / STEP if k else 0.0
+        before = rounded
         u = np.clip(
-            K_V * (K_P * (wanted(k * STEP) - seen) - speed) + 0.01 * random.standard_normal(), -U_MAX, U_MAX
+            K_V * (K_P * (reference_position(k * STEP) - rounded) - speed) + 0.01 * random.standard_normal(),
+            -U_MAX,
+            U_MAX,
         )
-        rows.append((k * STEP, GAIN * u, seen))
+        rows.append((k * STEP, GAIN * u, rounded))
         for _ in range(parts):  # the midpoint rule
             h = STEP / parts
 
@@ -93,7 +95,7 @@ def test_published_parameters_of_emps_are_estimated(tmp_path: Path) -> None:
     path = tmp_path / "emps.fmu"
     build(Emps, path, producer=PRODUCER)
     data = measure(0)
-    found = ec.identify(
+    result = ec.identify(
         str(path),
         {"Emps.M": "30:300", "Emps.F_v": "20:2000", "Emps.F_C": "2:200", "Emps.offset": "-30:30"},
         measured=[ec.Input(data={"time": data["time"], "x": data["x"]}, signals={"Emps.x": ec.Column("x")})],
@@ -110,11 +112,11 @@ def test_published_parameters_of_emps_are_estimated(tmp_path: Path) -> None:
         workers=1,
     )
     for name, true in PUBLISHED.items():
-        one = found[f"Emps.{name}"]
-        assert one.problem is None and one.interval is not None
-        assert one.interval[0] <= true <= one.interval[1]
-        assert one.value == pytest.approx(true, rel=0.01)
-    (fit,) = found.fits
+        estimate = result[f"Emps.{name}"]
+        assert estimate.problem is None and estimate.interval is not None
+        assert estimate.interval[0] <= true <= estimate.interval[1]
+        assert estimate.value == pytest.approx(true, rel=0.01)
+    (fit,) = result.fits
     assert fit.samples == 4001 and fit.is_white and fit.rms == pytest.approx(DIGIT / np.sqrt(12.0), rel=0.05)
 
 
@@ -144,7 +146,7 @@ class EmpsLoop(Carriage):
 @pytest.fixture(scope="module")
 def record() -> np.ndarray:
     if not RECORD.exists():
-        pytest.skip("the measured record of EMPS is not here; it is no part of the project.")
+        pytest.skip("the measured record of EMPS is not here; it is not part of the project.")
     return np.loadtxt(RECORD, delimiter=",", skiprows=1).T
 
 
@@ -200,15 +202,18 @@ def fit_with_scipy(record: np.ndarray) -> np.ndarray:
     """Return the least-squares estimates of SciPy."""
     sizes, speed = np.array([90.0, 200.0, 20.0, 3.0]), find_speed(record, 0)
 
-    def both(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def residuals(scaled: np.ndarray) -> np.ndarray:
+        return simulate(record, (sizes * scaled)[:, None], speed)[:, 0] - record[3]
+
+    def slopes(scaled: np.ndarray) -> np.ndarray:
         step = 1e-4
-        every = places[:, None] + step * np.column_stack([np.zeros(4), np.eye(4)])
-        found = simulate(record, sizes[:, None] * every, speed)
-        return found[:, 0] - record[3], (found[:, 1:] - found[:, :1]) / step
+        varied = scaled[:, None] + step * np.column_stack([np.zeros(4), np.eye(4)])
+        voltages = simulate(record, sizes[:, None] * varied, speed)
+        return (voltages[:, 1:] - voltages[:, :1]) / step
 
     start = np.array([60.0, 100.0, 10.0, 0.0]) / sizes
-    found = least_squares(lambda p: both(p)[0], start, lambda p: both(p)[1], xtol=1e-6, ftol=1e-8)
-    return sizes * found.x
+    solution = least_squares(residuals, start, slopes, xtol=1e-6, ftol=1e-8)
+    return sizes * solution.x
 
 
 @pytest.mark.slow
@@ -216,30 +221,30 @@ def test_published_values_are_inside_three_standard_errors_of_the_measured_drive
     record: np.ndarray, loop: str
 ) -> None:
     vary = {f"EmpsLoop.{name}": f"{low}:{high}" for name, (low, high) in RANGES.items()}
-    found = ec.identify(loop, vary, step_size=STEP, workers=1, **part(record, 0, record.shape[1] - 1))
+    result = ec.identify(loop, vary, step_size=STEP, workers=1, **part(record, 0, record.shape[1] - 1))
     for name, published in PUBLISHED.items():
-        one = found[f"EmpsLoop.{name}"]
-        assert one.error is not None and abs(one.value - published) < 3.0 * one.error
-        assert one.step_change is not None and abs(one.step_change) < 0.1
-    assert found["EmpsLoop.F_v"].value == pytest.approx(PUBLISHED["F_v"], rel=0.05)
-    assert any("ms earlier than predicted" in note for note in found.notes)
+        estimate = result[f"EmpsLoop.{name}"]
+        assert estimate.error is not None and abs(estimate.value - published) < 3.0 * estimate.error
+        assert estimate.step_change is not None and abs(estimate.step_change) < 0.1
+    assert result["EmpsLoop.F_v"].value == pytest.approx(PUBLISHED["F_v"], rel=0.05)
+    assert any("ms earlier than predicted" in note for note in result.notes)
 
 
 @pytest.mark.slow
-def test_the_second_half_is_predicted_as_well_as_by_scipy(record: np.ndarray, loop: str) -> None:
+def test_second_half_is_predicted_as_well_as_by_scipy(record: np.ndarray, loop: str) -> None:
     middle, last = round(HALF / STEP), record.shape[1] - 1
     first, second = part(record, 0, middle), part(record, middle, last)
     vary = {f"EmpsLoop.{name}": f"{low}:{high}" for name, (low, high) in RANGES.items()}
     held_out = ec.Experiment(
         "second", second["measured"], {n: second[n] for n in ("input", "set", "stop_time")}, held_out=True
     )
-    found = ec.identify(loop, vary, experiments=[held_out], step_size=STEP, workers=1, **first)
+    result = ec.identify(loop, vary, experiments=[held_out], step_size=STEP, workers=1, **first)
     expected = fit_with_scipy(record[:, : middle + 1])
     for name, value in zip(RANGES, expected, strict=True):
-        one = found[f"EmpsLoop.{name}"]
-        assert one.value == pytest.approx(value, abs=0.1 * float(one.error or 0.0))
+        estimate = result[f"EmpsLoop.{name}"]
+        assert estimate.value == pytest.approx(value, abs=0.1 * float(estimate.error or 0.0))
     rest = record[:, middle:]
     predicted = simulate(rest, expected[:, None], find_speed(record, middle))[:, 0]
-    theirs = np.sqrt(np.mean((predicted - rest[3]) ** 2))
-    ours = next(fit.rms for fit in found.fits if fit.held_out)
-    assert ours < 1.1 * theirs
+    rms_of_scipy = np.sqrt(np.mean((predicted - rest[3]) ** 2))
+    rms = next(fit.rms for fit in result.fits if fit.held_out)
+    assert rms < 1.1 * rms_of_scipy

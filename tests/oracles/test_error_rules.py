@@ -37,12 +37,12 @@ def lag() -> LinearSlave:
 
 def source(at: float) -> LinearSlave:
     """Return a source of 0, and of 1 from this time on."""
-    made = LinearSlave("source", [[0.0]], np.empty((1, 0)), [[1.0]], np.empty((1, 0)), [0.0])
-    made._advance = lambda u, x, time, step: [1.0 if time + step >= at else 0.0]
-    return made
+    slave = LinearSlave("source", [[0.0]], np.empty((1, 0)), [[1.0]], np.empty((1, 0)), [0.0])
+    slave._advance = lambda u, x, time, step: [1.0 if time + step >= at else 0.0]
+    return slave
 
 
-def test_a_signal_may_jump_once() -> None:
+def test_signal_may_jump_once() -> None:
     """An FMU that passes its input on one step later jumps in one of the two ways only, in any step."""
     delay = FakeSlave("delay", 1, [0.0, 0.0], lambda u, x, t, h: [x[1], u[0]], lambda u, x: [x[0]])
     network = Network([source(0.3), delay, lag()], [Link(0, 0, 1, 0, False), Link(1, 0, 2, 0, False)])
@@ -86,14 +86,14 @@ def test_errors_of_late_direct_outputs_do_not_add_up() -> None:
 
 
 def plant(flag: bool) -> Network:
-    """A plant with a flag that chatters, or a constant, which nobody reads, and a reader of its position."""
+    """A plant with an unread output, a flag that chatters or a constant, and a reader of its position."""
     outputs = (lambda u, x: [x[0], x[1]]) if flag else (lambda u, x: [x[0], 1.0])
     advance = lambda u, x, t, h: [1.0 - (1.0 - x[0]) * np.exp(-h), -x[1]]  # noqa: E731
     reader = FakeSlave("reader", 1, [0.0], lambda u, x, t, h: x + h * u)
     return Network([FakeSlave("plant", 0, [0.0, 1.0], advance, outputs), reader], [Link(0, 0, 1, 0, False)])
 
 
-def test_a_chattering_flag_that_nobody_reads_ends_no_run() -> None:
+def test_unread_chattering_flag_does_not_end_the_run() -> None:
     """Nor does it keep steps short: after ten jumps it is not controlled any more."""
     stepping = controlled(plant(flag=True), "gauss-seidel", 1e-2, 1e-2)
     rows = recorded(stepping)
@@ -101,7 +101,7 @@ def test_a_chattering_flag_that_nobody_reads_ends_no_run() -> None:
     assert np.abs(rows[:, 1] - (1.0 - np.exp(-rows[:, 0]))).max() < 1e-2
 
 
-def test_unread_flags_of_what_samples_have_no_influence() -> None:
+def test_unread_flags_of_sampled_components_have_no_influence() -> None:
     calm, chattering = (
         controlled(plant(flag), "gauss-seidel", 1e-2, 1e-2, sampled=True) for flag in (False, True)
     )

@@ -20,15 +20,15 @@ LEVELS = {
 names = pytest.mark.parametrize("name", TABLE_VIII)
 
 
-def asked(name: str, fmus: Path, stop_time: float, step_size: float) -> ec.Result:
+def simulate_sources(name: str, fmus: Path, stop_time: float, step_size: float) -> ec.Result:
     """What reference and disturbance of an experiment give by themselves."""
     joint = ec.load(name).system
-    kept = {
+    components = {
         f"prototype.{role}": model
         for role, model in (("reference", "Reference"), ("disturbance", "Disturbance"))
     }
-    values = {f"{c}.{n}": x for c in kept for n, x in joint.component(c).parameters.items()}
-    system = ec.System.of(kept, set=values)
+    values = {f"{c}.{n}": x for c in components for n, x in joint.component(c).parameters.items()}
+    system = ec.System.of(components, set=values)
     with ec.load(system, stop_time=stop_time, step_size=step_size, fmus=fmus).prepare() as simulation:
         return simulation.run(output_interval=step_size)
 
@@ -42,7 +42,7 @@ def test_current_sensor_has_twelve_bits_over_its_range(name: str) -> None:
 
 @names
 def test_reference_stops_at_way_points_and_repeats_after_40_s(name: str, fmu_folder: Path) -> None:
-    result = asked(name, fmu_folder, 80.0, 0.01)
+    result = simulate_sources(name, fmu_folder, 80.0, 0.01)
     x, v = (result[f"prototype.reference.{n}"] for n in ("x_d", "v_d"))
     rests = x[np.flatnonzero(v == 0.0)]
     stops = rests[np.flatnonzero(np.diff(rests, prepend=-1.0))]
@@ -53,7 +53,7 @@ def test_reference_stops_at_way_points_and_repeats_after_40_s(name: str, fmu_fol
 
 @names
 def test_load_has_published_levels_and_a_ripple(name: str, fmu_folder: Path) -> None:
-    result = asked(name, fmu_folder, 320.0, 1e-3)
+    result = simulate_sources(name, fmu_folder, 320.0, 1e-3)
     t, force = result["time"], result["prototype.disturbance.F_L"]
     for (begin, end), level in LEVELS[name].items():
         within = force[(t > begin + 0.5) & (t < end)]
@@ -66,10 +66,10 @@ def test_errors_are_below_those_of_table_viii(name: str, fmu_folder: Path, tmp_p
     """The first moves; the heaviest load of experiment 1 comes with its own run."""
     loads = {"prototype.disturbance.load.level[1]": 70e3}
     result = run_scenario(ec.load(name), tmp_path, fmus=fmu_folder, stop_time=8.0, set=loads)
-    found = result.metrics["joints"]["prototype"]
-    assert found["held"]
+    figures = result.metrics["joints"]["prototype"]
+    assert figures["held"]
     keys = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
-    assert all(0.0 < found[key] < printed for key, printed in zip(keys, TABLE_VIII[name], strict=True))
+    assert all(0.0 < figures[key] < printed for key, printed in zip(keys, TABLE_VIII[name], strict=True))
 
 
 def test_observer_and_controller_sample_at_1_khz_beside_a_plant_at_10_khz(fmu_folder: Path) -> None:
@@ -81,7 +81,7 @@ def test_observer_and_controller_sample_at_1_khz_beside_a_plant_at_10_khz(fmu_fo
 
 
 def test_sampled_controller_uses_the_values_of_its_sample(fmu_folder: Path) -> None:
-    """RSBA's reference of the current, (31) with all repairs, from what stands in the same row."""
+    """RSBA's reference of the current, (31) with all repairs, from the values of the same row."""
     with ec.load("prototype", gains="robust", fmus=fmu_folder, stop_time=2.0).prepare() as simulation:
         result = simulation.run(output_interval=1e-3)
     row = {n: result[f"prototype.{n}"][1500:] for n in ("reference.x_d", "observer.x_hat", "observer.v_hat")}
@@ -91,8 +91,8 @@ def test_sampled_controller_uses_the_values_of_its_sample(fmu_folder: Path) -> N
     def unexplained(of: dict[str, np.ndarray]) -> float:
         """What is left of i_q* after a linear law of these values and of the reference's motion."""
         motion = [result[f"prototype.reference.{n}"][1500:] for n in ("v_d", "a_d")]
-        known = np.column_stack([of["observer.x_hat"] - of["reference.x_d"], of["observer.v_hat"], *motion])
-        known = np.column_stack([known, np.ones(len(known))])
-        return float(np.abs(i_q_ref - known @ np.linalg.lstsq(known, i_q_ref, rcond=None)[0]).max())
+        columns = np.column_stack([of["observer.x_hat"] - of["reference.x_d"], of["observer.v_hat"], *motion])
+        columns = np.column_stack([columns, np.ones(len(columns))])
+        return float(np.abs(i_q_ref - columns @ np.linalg.lstsq(columns, i_q_ref, rcond=None)[0]).max())
 
     assert unexplained(row) < 1e-9 and unexplained(late) > 1e-3

@@ -1,4 +1,4 @@
-"""The plant that somebody else wrote does what ours does, so that it can take our plant's place."""
+"""A plant from another tool does what the built-in one does, so that it can replace it."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -21,7 +21,7 @@ TOLERANCE = 1e-9
 """Per largest value of an output; rounding makes 1e-13 of the fastest of them."""
 
 
-class Theirs(NamedTuple):
+class ForeignVariable(NamedTuple):
     """Their variable is `scale` times ours, plus `offset`."""
 
     name: str
@@ -29,7 +29,7 @@ class Theirs(NamedTuple):
     offset: float = 0.0
 
 
-def mapped() -> dict[str, Theirs]:
+def mapped() -> dict[str, ForeignVariable]:
     """Return their variables by ours, from the mapping and the units of their model description."""
     description = read_model_description(str(FOREIGN_PLANT))
     factors = {u.name: float(u.baseUnit.factor) for u in description.unitDefinitions if u.baseUnit}
@@ -38,7 +38,7 @@ def mapped() -> dict[str, Theirs]:
     for entry in read_ssm(str(FOREIGN_MAPPING)).mappingEntries:
         linear, unit = entry.transformation, units[entry.target]
         scale = (float(linear.factor) if linear else 1.0) / (factors[unit] if unit else 1.0)
-        result[entry.source] = Theirs(entry.target, scale, float(linear.offset) if linear else 0.0)
+        result[entry.source] = ForeignVariable(entry.target, scale, float(linear.offset) if linear else 0.0)
     return result
 
 
@@ -71,13 +71,13 @@ EVERYTHING = {
 
 
 @pytest.fixture
-def theirs(foreign_plant: Path, tmp_path: Path) -> Iterator[Session]:
+def foreign(foreign_plant: Path, tmp_path: Path) -> Iterator[Session]:
     with opened(foreign_plant, tmp_path) as session:
         yield session
 
 
 @pytest.fixture
-def ours(sessions: dict[str, Session]) -> Session:
+def built_in(sessions: dict[str, Session]) -> Session:
     return sessions["EmlaPlant"]
 
 
@@ -86,8 +86,8 @@ def ours(sessions: dict[str, Session]) -> Session:
 
 def study(joint: str) -> dict[str, Any]:
     """The start values of a joint's plant in the study, of what both plants have."""
-    given = load("study").system.component(f"{joint}.plant").parameters
-    return {name: value for name, value in given.items() if name in ALL}
+    parameters = load("study").system.component(f"{joint}.plant").parameters
+    return {name: value for name, value in parameters.items() if name in ALL}
 
 
 def inputs(t: float, u_max: float) -> dict[str, float]:
@@ -114,28 +114,28 @@ def translated(values: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
-def translated_outputs(theirs: Session, slave: FMU2Slave) -> list[float]:
+def translated_outputs(foreign: Session, slave: FMU2Slave) -> list[float]:
     """Their outputs as values of ours."""
-    values = theirs.get(slave, *(v.name for v in OUTPUTS.values()))
+    values = foreign.get(slave, *(v.name for v in OUTPUTS.values()))
     return [(y - v.offset) / v.scale for y, v in zip(values, OUTPUTS.values(), strict=True)]
 
 
 def both_outputs(
-    ours: Session, theirs: Session, start_values: dict[str, Any], steps: Sequence[float]
+    built_in: Session, foreign: Session, start_values: dict[str, Any], steps: Sequence[float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """All outputs of both plants, a row for the start and one for every step."""
     u_max = start_values["inverter.u_max"]
     start = {**start_values, **inputs(0.0, u_max)}
-    our_plant, their_plant = ours.instance("test", **start), theirs.instance("test", **translated(start))
+    our_plant, their_plant = built_in.instance("test", **start), foreign.instance("test", **translated(start))
 
     def row() -> tuple[list[float], list[float]]:
-        return ours.get(our_plant, *OUTPUTS), translated_outputs(theirs, their_plant)
+        return built_in.get(our_plant, *OUTPUTS), translated_outputs(foreign, their_plant)
 
     time, rows = 0.0, [row()]
     for step in steps:
         values = inputs(time, u_max)
-        ours.set(our_plant, **values)
-        theirs.set(their_plant, **translated(values))
+        built_in.set(our_plant, **values)
+        foreign.set(their_plant, **translated(values))
         for plant in (our_plant, their_plant):
             plant.doStep(time, step)
         time += step
@@ -148,11 +148,11 @@ def column(rows: np.ndarray, name: str) -> np.ndarray:
     return rows[:, list(OUTPUTS).index(name)]
 
 
-def differences(found: np.ndarray, expected: np.ndarray) -> dict[str, float]:
+def differences(actual: np.ndarray, expected: np.ndarray) -> dict[str, float]:
     """Largest difference of every output, per its largest value."""
     largest = np.abs(expected).max(axis=0)
     assert largest.min() > 0.0  # an output that stays 0 would not be compared
-    return dict(zip(OUTPUTS, np.abs(found - expected).max(axis=0) / largest, strict=True))
+    return dict(zip(OUTPUTS, np.abs(actual - expected).max(axis=0) / largest, strict=True))
 
 
 def without_sensor(differences: dict[str, float]) -> dict[str, float]:
@@ -165,15 +165,15 @@ def without_sensor(differences: dict[str, float]) -> dict[str, float]:
     [("lift", {}), ("telescope", {}), ("lift", EVERYTHING)],
     ids=["lift", "telescope", "everything"],
 )
-def test_outputs_are_those_of_our_plant(
-    joint: str, changes: dict[str, Any], ours: Session, theirs: Session
+def test_outputs_match_our_plant(
+    joint: str, changes: dict[str, Any], built_in: Session, foreign: Session
 ) -> None:
     start_values = {**study(joint), **changes}
     steps = list(islice(cycle([1e-4, 1e-4, 2.5e-4, 1e-4, 3e-5]), 4000))
-    expected, found = both_outputs(ours, theirs, start_values, steps)
-    found_differences = differences(found, expected)
-    assert {n: d for n, d in without_sensor(found_differences).items() if d > TOLERANCE} == {}
-    apart = np.abs(column(found, "x_measured") - column(expected, "x_measured"))
-    assert apart.max() < 1.001 * start_values["sensor.resolution"]
-    assert np.mean(apart > 1e-12) < 0.01
+    expected, actual = both_outputs(built_in, foreign, start_values, steps)
+    relative_differences = differences(actual, expected)
+    assert {n: d for n, d in without_sensor(relative_differences).items() if d > TOLERANCE} == {}
+    sensor_difference = np.abs(column(actual, "x_measured") - column(expected, "x_measured"))
+    assert sensor_difference.max() < 1.001 * start_values["sensor.resolution"]
+    assert np.mean(sensor_difference > 1e-12) < 0.01
     assert 0.1 < column(expected, "inverter.saturated").mean() < 0.9

@@ -130,7 +130,7 @@ def test_noise_of_1_um_makes_lift_and_tilt_chatter(compensated: ec.Simulation) -
         assert 0.05 < figures[joint]["saturated_after_settling"] < 0.2
 
 
-def test_joints_without_enough_torque_are_lost(compensated: ec.Simulation) -> None:
+def test_joints_without_enough_torque_trip(compensated: ec.Simulation) -> None:
     """With half the flux tilt's motor makes 64 N m, where its disturbance alone takes 124.
 
     The lift's is enough, but its loop is a limit cycle at full torque.
@@ -175,8 +175,11 @@ def test_noise_causes_no_drift(controller: str, fmu_folder: Path) -> None:
         assert figures[joint]["oscillation"] is None
 
 
-WHOLE = 37.7  # s, the trajectory
-MACHINES = [("hdrm-coupled", 1.0), *((f"hdrm-{kind}", WHOLE) for kind in ("replay", "coupled", "merged"))]
+TRAJECTORY_LENGTH = 37.7  # s, the trajectory
+MACHINES = [
+    ("hdrm-coupled", 1.0),
+    *((f"hdrm-{kind}", TRAJECTORY_LENGTH) for kind in ("replay", "coupled", "merged")),
+]
 
 
 @pytest.mark.parametrize(("scenario", "stop_time"), mostly_slow(MACHINES, MACHINES[:1]))

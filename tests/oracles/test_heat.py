@@ -42,11 +42,13 @@ def lift(fmu_folder: Path) -> Iterator[ec.Simulation]:
 def test_prediction_agrees_with_a_long_run(values: dict[str, float], lift: ec.Simulation) -> None:
     drive = {"lift.plant.motor.i_N": 12.0, "lift.plant.motor.tau_th": TAU}
     motion = {f"lift.reference.{name}": value for name, value in MOTION.items()}
-    given = motion | {f"lift.disturbance.{name}": value for name, value in CALM.items()} | drive | values
+    start_values = (
+        motion | {f"lift.disturbance.{name}": value for name, value in CALM.items()} | drive | values
+    )
 
     def run(stop_time: float, over: float) -> ec.Result:
         criteria = {"lift.over_temperature": over}
-        return lift.run(set=given, stop_time=stop_time, output_interval=5e-3, criteria=criteria)
+        return lift.run(set=start_values, stop_time=stop_time, output_interval=5e-3, criteria=criteria)
 
     long = run(16.0, 1e9)
     warm = long[RISE][long.time > 16.0 - PERIOD]

@@ -29,13 +29,13 @@ def stateless(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(source: Any, **options: Any) -> ec.Result:
-    own = (
+    defaults = (
         {}
         if isinstance(source, str)
         else {"step_size": STEP, "output_interval": options.get("step_size", STEP)}
     )
-    given = {"stop_time": STOP, "integrate_together": False, **own, **options}
-    with ec.load(source, **given).prepare() as simulation:
+    run_options = {"stop_time": STOP, "integrate_together": False, **defaults, **options}
+    with ec.load(source, **run_options).prepare() as simulation:
         return simulation.run()
 
 
@@ -64,21 +64,21 @@ def chain(fmu: Path, **options: Any) -> ec.System:
 def test_error_shrinks_with_the_tolerance(fmu: Path) -> None:
     errors, start = [], 5.0
     for tolerance in TOLERANCES:
-        found = run(fmu, start_time=start, stop_time=start + STOP, fmi_tolerance=tolerance)
-        since = found["time"] - start
-        x = np.abs(found["Integrated.x"] - np.exp(-since)).max()
-        h = np.abs(found["Integrated.h"] - bouncing(since)).max()
+        result = run(fmu, start_time=start, stop_time=start + STOP, fmi_tolerance=tolerance)
+        since = result["time"] - start
+        x = np.abs(result["Integrated.x"] - np.exp(-since)).max()
+        h = np.abs(result["Integrated.h"] - bouncing(since)).max()
         errors.append(max(x, h))
         assert errors[-1] < 10.0 * tolerance
-        stair = found["Integrated.stair"]
+        stair = result["Integrated.stair"]
         assert stair[-1] == pytest.approx(round(since[-1] / 0.1), abs=1)
         assert set(np.diff(stair)) == {0.0, 1.0}
     assert errors[2] < 0.1 * errors[1] < 0.01 * errors[0]
 
 
-def assert_is_that_of_fmpy(found: ec.Result, fmu: Path, step: float, stop: float) -> None:
+def assert_is_that_of_fmpy(result: ec.Result, fmu: Path, step: float, stop: float) -> None:
     """Compare x and h with those of FMPy's own run of the FMU."""
-    theirs = simulate_fmu(
+    expected = simulate_fmu(
         str(fmu),
         fmi_type="ModelExchange",
         stop_time=stop,
@@ -87,34 +87,34 @@ def assert_is_that_of_fmpy(found: ec.Result, fmu: Path, step: float, stop: float
         record_events=False,
     )
     for name in ("x", "h"):
-        assert found[f"Integrated.{name}"] == pytest.approx(theirs[name], abs=1e-6)
+        assert result[f"Integrated.{name}"] == pytest.approx(expected[name], abs=1e-6)
 
 
 @pytest.mark.parametrize("integrator", ["bdf", "adams"])
 def test_agrees_with_fmpy(fmu: Path, integrator: str) -> None:
     # FMPy cannot start its solver at events that are within rounding of an output
     step, stop = 0.017, 90 * 0.017
-    given = {"step_size": step, "stop_time": stop, "integrator": integrator, "integrator_step": 1e-3}
-    found = run(fmu, fmi_tolerance=1e-7, **given)
-    assert_is_that_of_fmpy(found, fmu, step, stop)
+    options = {"step_size": step, "stop_time": stop, "integrator": integrator, "integrator_step": 1e-3}
+    result = run(fmu, fmi_tolerance=1e-7, **options)
+    assert_is_that_of_fmpy(result, fmu, step, stop)
 
 
 def test_step_events_reset_a_state(fmu: Path) -> None:
-    found = run(fmu, set={"Integrated.limit": 0.5, "Integrated.u": 2.0, "Integrated.x": 0.0})
+    result = run(fmu, set={"Integrated.limit": 0.5, "Integrated.u": 2.0, "Integrated.x": 0.0})
     # x = 2 (1 - exp(-t)) reaches 0.5 after 0.288 s; the reset comes at most one communication step later
-    assert found["Integrated.resets"][-1] in (6.0, 7.0)
-    assert found["Integrated.x"].max() <= 0.5
+    assert result["Integrated.resets"][-1] in (6.0, 7.0)
+    assert result["Integrated.x"].max() <= 0.5
 
 
 @pytest.mark.parametrize(("extrapolation", "order"), [("none", 1), ("master", 2), ("fmu", 2)])
 def test_inputs_are_held_or_extrapolated(fmu: Path, extrapolation: str, order: int) -> None:
     errors = []
     for step in (0.02, 0.01):
-        found = run(
+        result = run(
             chain(fmu), step_size=step, algorithm="jacobi", extrapolation=extrapolation, fmi_tolerance=1e-9
         )
-        exact = found["time"] * np.exp(-found["time"])
-        errors.append(np.abs(found["b.x"] - exact).max())
+        exact = result["time"] * np.exp(-result["time"])
+        errors.append(np.abs(result["b.x"] - exact).max())
     assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.25)
 
 
@@ -123,16 +123,16 @@ def test_strong_coupling_repeats_steps(fmu: Path) -> None:
     loop = ec.System.of({"a": fmu, "b": fmu}, ["a.x -> b.u", "b.x -> a.u"], set={"a.x": 1.0, "b.x": 0.0})
     errors = []
     for step in (0.02, 0.01):
-        found = run(loop, step_size=step, algorithm="strong", fmi_tolerance=1e-9, extrapolation="master")
-        exact = 0.5 + 0.5 * np.exp(-2.0 * found["time"])
-        errors.append(np.abs(found["a.x"] - exact).max())
+        result = run(loop, step_size=step, algorithm="strong", fmi_tolerance=1e-9, extrapolation="master")
+        exact = 0.5 + 0.5 * np.exp(-2.0 * result["time"])
+        errors.append(np.abs(result["a.x"] - exact).max())
     assert errors[1] < 1e-3
     assert errors[1] < 0.6 * errors[0]
 
 
 def test_error_control_holds_its_tolerance(fmu: Path) -> None:
-    found = run(chain(fmu), error_tolerance=1e-4, extrapolation="fmu", fmi_tolerance=1e-8)
-    assert found["b.x"] == pytest.approx(found["time"] * np.exp(-found["time"]), abs=1e-3)
+    result = run(chain(fmu), error_tolerance=1e-4, extrapolation="fmu", fmi_tolerance=1e-8)
+    assert result["b.x"] == pytest.approx(result["time"] * np.exp(-result["time"]), abs=1e-3)
 
 
 def test_without_states_strong_and_error_control_are_refused(stateless: Path) -> None:
@@ -144,13 +144,13 @@ def test_without_states_strong_and_error_control_are_refused(stateless: Path) ->
 
 
 def test_resumes_bit_for_bit(fmu: Path, tmp_path: Path) -> None:
-    whole = run(chain(fmu), checkpoint=tmp_path / "whole.npz")
+    uninterrupted = run(chain(fmu), checkpoint=tmp_path / "whole.npz")
     run(chain(fmu), stop_time=1.0, checkpoint=tmp_path / "half.npz")
     rest = run(chain(fmu), resume=tmp_path / "half.npz")
-    for name in whole.names:
-        assert np.array_equal(whole[name][-len(rest[name]) :], rest[name]), name
+    for name in uninterrupted.names:
+        assert np.array_equal(uninterrupted[name][-len(rest[name]) :], rest[name]), name
     plain = run(chain(fmu))
-    assert whole["a.h"] == pytest.approx(plain["a.h"], abs=1e-4)
+    assert uninterrupted["a.h"] == pytest.approx(plain["a.h"], abs=1e-4)
 
 
 def test_end_and_failure_are_reported(fmu: Path) -> None:
@@ -162,15 +162,15 @@ def test_end_and_failure_are_reported(fmu: Path) -> None:
         run(fmu, set={"Integrated.end": -1.0})
 
 
-def test_the_kind_is_chosen_and_recorded(fmu: Path) -> None:
-    found = run("study", stop_time=0.01, kind={"*.plant": "me"})
-    kinds = {name: of["kind"] for name, of in found.record["components"].items()}
+def test_kind_is_chosen_and_recorded(fmu: Path) -> None:
+    exchanged = run("study", stop_time=0.01, kind={"*.plant": "me"})
+    kinds = {name: of["kind"] for name, of in exchanged.record["components"].items()}
     assert {k for n, k in kinds.items() if n.endswith(".plant")} == {"ModelExchange"}
     assert "CoSimulation" in kinds.values()
-    json.dumps(found.record)
-    other = run("study", stop_time=0.01)
-    name = next(n for n in found.names if n.endswith("plant.x_L"))
-    assert found[name] == pytest.approx(other[name], rel=1e-5)
+    json.dumps(exchanged.record)
+    by_default = run("study", stop_time=0.01)
+    name = next(n for n in exchanged.names if n.endswith("plant.x_L"))
+    assert exchanged[name] == pytest.approx(by_default[name], rel=1e-5)
     with pytest.raises(CommandError, match="no FMU has CoSimulation"):
         run(fmu, kind={"*": "cs"})
     with pytest.raises(CommandError, match="no component matches"):

@@ -28,7 +28,7 @@ def test_file_has_the_numbers_of_the_study() -> None:
     )
 
 
-def test_angles_of_the_study_are_those_of_its_triangles() -> None:
+def test_angles_of_the_study_match_its_triangles() -> None:
     """theta_1 = gamma_1 - 60 deg, theta_2 = gamma_2 - 150 deg."""
     strokes = np.array([(0.0, 0.0, 0.0), (0.244, 0.389, 0.499), HDRM.q_UB])
     frames = MachineModel(FILE).frames(strokes)
@@ -47,8 +47,8 @@ def test_angles_of_the_study_are_those_of_its_triangles() -> None:
 @settings(max_examples=25, deadline=None)
 def test_points_follow_from_the_law_of_cosines(q: list[float], p: Manipulator) -> None:
     """For any manipulator: each number of the file is the one with its name."""
-    found = MachineModel(FILE, named_values(p)).points(np.array([q]), NAMES.values())
+    positions = MachineModel(FILE, named_values(p)).points(np.array([q]), NAMES.values())
     expected = points(p, q)
-    assert {name: complex(*found[NAMES[name]][0]) for name in NAMES} == {
+    assert {name: complex(*positions[NAMES[name]][0]) for name in NAMES} == {
         name: pytest.approx(at, abs=1e-11) for name, at in expected.items()
     }

@@ -16,7 +16,7 @@ from tests.support.faulty_systems import faulty, wired
 from tests.support.hand_written_fmus import build_all_types_3_fmu, build_faulty_fmu, edit_description
 
 ALGORITHMS = ("jacobi", "gauss-seidel", "strong")
-EVERY = [
+ALL_PAIRS = [
     (algorithm, extrapolation) for algorithm in ALGORITHMS for extrapolation in ("none", "master", "fmu")
 ]
 
@@ -85,15 +85,15 @@ def driven(fmu: Path, data: dict[str, Any], step: float, stop: float, **options:
     return ec.load(system, step_size=step, stop_time=stop, input=[source], **options).prepare().run()
 
 
-@pytest.mark.parametrize(("algorithm", "extrapolation"), EVERY)
+@pytest.mark.parametrize(("algorithm", "extrapolation"), ALL_PAIRS)
 @pytest.mark.parametrize(("name", "x"), [("Integrator", "c.x"), ("Faulty", "c.z")])
-def test_a_jump_acts_at_its_time(name: str, x: str, algorithm: str, extrapolation: str, fmus: Path) -> None:
+def test_jump_acts_at_its_time(name: str, x: str, algorithm: str, extrapolation: str, fmus: Path) -> None:
     """At a communication point, and between two; also in an FMU that does not interpolate."""
     more = {"algorithm": algorithm, "extrapolation": extrapolation}
     for at in (0.5, 0.53):
         jump = {"time": [0.0, at, at, 2.0], "u": [0.0, 0.0, 1.0, 1.0]}
-        held = {"time": [0.0, at, 2.0], "u": [0.0, 1.0, 1.0]}
-        for data, way in ((jump, "linear"), (held, "held")):
+        stepwise = {"time": [0.0, at, 2.0], "u": [0.0, 1.0, 1.0]}
+        for data, way in ((jump, "linear"), (stepwise, "held")):
             result = driven(fmus / f"{name}.fmu", data, 0.1, 1.0, interpolation=way, **more)
             assert result[x] == pytest.approx(np.maximum(result.time - at, 0.0), abs=1e-12)
             got = "line" if name == "Integrator" else "mean of the step"
@@ -151,7 +151,7 @@ def test_outputs_that_an_fmu_keeps_are_reported_as_late(fmus: Path) -> None:
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_outputs_that_an_fmu_computes_anew_are_those_of_the_end(algorithm: str, fmus: Path) -> None:
+def test_recomputed_outputs_have_the_values_of_the_step_end(algorithm: str, fmus: Path) -> None:
     """x' = u, y = u of an FMU that does not interpolate, with a jump at a point and one between two."""
     data = {"time": [0.0, 1.0, 1.0, 1.6, 1.6, 4.0], "u": [0.0, 1.0, -1.0, -1.0, 1.0, 2.0]}
     system = ec.System.of({"c": str(fmus / "Types.fmu")}, [])
@@ -168,7 +168,7 @@ def test_outputs_that_an_fmu_computes_anew_are_those_of_the_end(algorithm: str, 
     assert not result.remarks
 
 
-def test_an_fmu_that_cannot_copy_its_state_is_not_tried(fmus: Path) -> None:
+def test_fmu_that_cannot_copy_its_state_is_not_tried(fmus: Path) -> None:
     """x' = u, y = x + 2 u: the states get the mean, and so does the output."""
     data = {"time": [0.0, 1.0, 1.5, 4.0], "u": [0.0, 1.0, -1.0, 2.0]}
     system = wired([faulty("c", fmus / "Stuck.fmu", a=1.0, b=2.0)])
@@ -184,7 +184,7 @@ def test_an_fmu_that_cannot_copy_its_state_is_not_tried(fmus: Path) -> None:
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 @pytest.mark.parametrize("multiple", [1, 3])
-def test_what_samples_gets_the_value_of_its_instant(multiple: int, algorithm: str, fmus: Path) -> None:
+def test_sampled_components_get_the_value_of_their_instant(multiple: int, algorithm: str, fmus: Path) -> None:
     """A digital component samples at the end of its step."""
     parts = {"c": ec.Component("c", fmu=fmus / "Sampler.fmu", samples=True)}
     system = ec.System(tuple(parts.values()), ())
@@ -195,19 +195,17 @@ def test_what_samples_gets_the_value_of_its_instant(multiple: int, algorithm: st
     assert result["c.y"] == pytest.approx(sampled, abs=1e-12)
 
 
-def test_the_order_of_the_user_does_not_delay_data(fmus: Path) -> None:
+def test_order_of_the_user_does_not_delay_data(fmus: Path) -> None:
     data = {"time": [0.0, 2.0], "u": [0.0, 2.0]}
     result = driven(fmus / "Integrator.fmu", data, 0.1, 1.0, order=["c", "input"])
     assert result["c.x"] == pytest.approx(0.5 * result.time**2, abs=1e-12)
     assert result.record["stepping"]["late_connections"] == []
 
 
-def test_a_table_without_spans_is_a_component_like_others(fmus: Path, tmp_path: Path) -> None:
+def test_table_without_spans_is_a_component_like_others(fmus: Path, tmp_path: Path) -> None:
     """Its values are held: with `jacobi`, those of the start of the step."""
     content = table_fmus.TableContent(
-        np.array([0.0, 2.0]),
-        [table_fmus.TableColumn(np.array([0.0, 2.0]))],
-        [table_fmus.TableOutput("u", 0)],
+        np.array([0.0, 2.0]), [table_fmus.TableColumn(np.array([0.0, 2.0]))], [table_fmus.TableOutput("u", 0)]
     )
     built = table_fmus.build_table(content, tmp_path / "new.fmu")
     old = edit_description(

@@ -40,15 +40,15 @@ def loop_gain(frequency: np.ndarray, step: float = STEP) -> np.ndarray:
 OPTIONS = {"stop_time": 20.0, "step_size": STEP, "at": 2.0, "duration": 15.0}
 
 
-@pytest.mark.parametrize("place", ["gain.force->cart.force", "gain.feed->gain.force"])
-def test_loop_gain_equals_that_of_the_sampled_system(place: str) -> None:
-    result = ec.linearize(closed(), open=place, **OPTIONS)
+@pytest.mark.parametrize("opening", ["gain.force->cart.force", "gain.feed->gain.force"])
+def test_loop_gain_equals_that_of_the_sampled_system(opening: str) -> None:
+    result = ec.linearize(closed(), open=opening, **OPTIONS)
     (response,) = (m.response for m in result.responses.values())
     expected = loop_gain(response.frequency)
     assert np.abs(response.value / expected - 1.0).max() < 1e-2
-    found, right = next(iter(result.margins.values())), compute_margins(response.frequency, expected)
-    assert found.phase_deg == pytest.approx(right.phase_deg, abs=0.1)
-    assert found.Ms == pytest.approx(right.Ms, rel=1e-2)
+    margins, right = next(iter(result.margins.values())), compute_margins(response.frequency, expected)
+    assert margins.phase_deg == pytest.approx(right.phase_deg, abs=0.1)
+    assert margins.Ms == pytest.approx(right.Ms, rel=1e-2)
     assert result.rolled_back
 
 
@@ -60,12 +60,18 @@ def test_half_the_step_changes_margins_as_the_hold_does() -> None:
     result = ec.linearize(system, **options)
     (measured,) = result.responses.values()
     frequency = np.geomspace(0.05, 5.0, 5000)
-    whole, halved = (compute_margins(frequency, loop_gain(frequency, h)) for h in (step, 0.5 * step))
-    found, changed = measured.margins, measured.margins_at_half_step
-    assert found is not None and changed is not None and measured.step_change is not None
-    assert changed.phase_deg - found.phase_deg == pytest.approx(halved.phase_deg - whole.phase_deg, rel=0.05)
-    assert changed.phase_at - found.phase_at == pytest.approx(halved.phase_at - whole.phase_at, abs=2e-3)
-    assert changed.phase_deg - found.phase_deg > 2.0
+    expected, expected_at_half = (
+        compute_margins(frequency, loop_gain(frequency, h)) for h in (step, 0.5 * step)
+    )
+    margins, at_half_step = measured.margins, measured.margins_at_half_step
+    assert margins is not None and at_half_step is not None and measured.step_change is not None
+    assert at_half_step.phase_deg - margins.phase_deg == pytest.approx(
+        expected_at_half.phase_deg - expected.phase_deg, rel=0.05
+    )
+    assert at_half_step.phase_at - margins.phase_at == pytest.approx(
+        expected_at_half.phase_at - expected.phase_at, abs=2e-3
+    )
+    assert at_half_step.phase_deg - margins.phase_deg > 2.0
     (remark,) = result.remarks
     assert "half the step changes the phase margin by +2." in remark and "--extrapolation fmu" in remark
     suggested = re.search(r"--step-size (\S+) ", remark)
@@ -77,12 +83,12 @@ def test_half_the_step_changes_margins_as_the_hold_does() -> None:
 def test_digital_controller_keeps_its_margins(fmu_folder: Path) -> None:
     """All that its loop exchanges is sampled; so does a controller that a step multiple makes slower."""
     options = {"open": "lift", "at": 0.2, "duration": 0.1, "stop_time": 0.4, "fmus": fmu_folder}
-    (whole,) = ec.linearize("lift", **options).responses.values()
-    assert whole.margins == whole.margins_at_half_step and whole.step_change == 0.0
+    (response,) = ec.linearize("lift", **options).responses.values()
+    assert response.margins == response.margins_at_half_step and response.step_change == 0.0
     multiples = {f"lift.{name}": 2 for name in ("disturbance", "observer", "controller")}
     finer = ec.linearize("lift", step_size=5e-5, step_multiples=multiples, **options)
     (same,) = finer.responses.values()
-    assert same.margins == whole.margins and finer.step == 1e-4
+    assert same.margins == response.margins and finer.step == 1e-4
 
 
 @pytest.mark.slow
@@ -122,7 +128,7 @@ def test_margins_of_a_delayed_double_integrator() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("options", "message"),
     [
         ({"open": "cart.position->gain.speed"}, "there is no connection"),
         ({"open": "nonsense"}, "write a.output->b.input"),
@@ -138,9 +144,9 @@ def test_margins_of_a_delayed_double_integrator() -> None:
         ({"open": "gain.force->cart.force", "duration": 0.05}, "at least 20"),
     ],
 )
-def test_invalid_input_gives_one_message(given: dict, message: str) -> None:
+def test_invalid_input_gives_one_message(options: dict, message: str) -> None:
     with pytest.raises(ec.CommandError, match=message):
-        ec.linearize(closed(), **{**OPTIONS, **given})
+        ec.linearize(closed(), **{**OPTIONS, **options})
 
 
 def test_unstable_operating_point_is_refused() -> None:
@@ -154,15 +160,11 @@ def test_unstable_operating_point_is_refused() -> None:
 
 
 def test_runs_are_repeated_where_states_cannot_be_restored(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = FmuFile.has_capability
-    monkeypatch.setattr(FmuFile, "has_capability", lambda f, c: c != "canGetAndSetFMUstate" and known(f, c))
+    has_capability = FmuFile.has_capability
+    monkeypatch.setattr(
+        FmuFile, "has_capability", lambda f, c: c != "canGetAndSetFMUstate" and has_capability(f, c)
+    )
     result = ec.linearize(closed(), open="gain.force->cart.force", **OPTIONS)
     assert not result.rolled_back
     (response,) = (m.response for m in result.responses.values())
     assert np.abs(response.value / loop_gain(response.frequency) - 1.0).max() < 1e-2
-
-
-def test_folder_has_all_files(tmp_path) -> None:
-    ec.linearize(closed(), open="gain.force->cart.force", output=tmp_path / "out", **OPTIONS)
-    names = {"linearize.json", "responses.csv", "bode.png", "nyquist.png"}
-    assert names <= {p.name for p in (tmp_path / "out").iterdir()}

@@ -14,7 +14,7 @@ from tests.support.tiers import mostly_slow
 AT, DURATION = 0.35, 0.15
 DELAY = {"lift.plant.inverter.delay": STEP}
 GAINS = {"rsba": "compensated", "foc": "tuned", "cac": "tuned"}
-PLACES = {
+OPENINGS = {
     POSITION: "lift.plant.x_measured -> lift.observer.y",
     CURRENT: "lift.controller.a_d -> lift.controller.i_q_ref",
 }
@@ -31,26 +31,26 @@ def drive(controller: str, fmus: Path) -> LinearDrive:
 
 @pytest.mark.parametrize("controller", mostly_slow(GAINS, ["rsba"]))
 def test_loop_gain_of_a_joint_equals_its_equations(controller: str, fmu_folder: Path) -> None:
-    places = {k: v for k, v in PLACES.items() if controller != "cac" or k == POSITION}
+    openings = {k: v for k, v in OPENINGS.items() if controller != "cac" or k == POSITION}
     at = {"at": AT, "duration": DURATION, "stop_time": 0.5, "fmus": fmu_folder}
-    given = {"controller": controller, "gains": GAINS[controller], "set": DELAY}
-    result = ec.linearize("lift", open=list(places.values()), **given, **at)
+    options = {"controller": controller, "gains": GAINS[controller], "set": DELAY}
+    result = ec.linearize("lift", open=list(openings.values()), **options, **at)
     expected = drive(controller, fmu_folder)
-    for opened_at, name in places.items():
-        response, found = result[name], result.margins[name]
+    for opened_at, name in openings.items():
+        response, margins_of_tool = result[name], result.margins[name]
         right = expected.loop_gain(opened_at, response.frequency)
         assert np.abs(response.value / right - 1.0).max() < 0.02
         margins = compute_margins(response.frequency, right)
-        assert found.phase_deg == pytest.approx(margins.phase_deg, abs=0.1)
-        assert found.gain_up_dB == pytest.approx(margins.gain_up_dB, abs=0.05)
-        assert found.gain_down_dB == pytest.approx(margins.gain_down_dB, abs=0.05)
-        assert found.Ms == pytest.approx(margins.Ms, rel=0.01)
+        assert margins_of_tool.phase_deg == pytest.approx(margins.phase_deg, abs=0.1)
+        assert margins_of_tool.gain_up_dB == pytest.approx(margins.gain_up_dB, abs=0.05)
+        assert margins_of_tool.gain_down_dB == pytest.approx(margins.gain_down_dB, abs=0.05)
+        assert margins_of_tool.Ms == pytest.approx(margins.Ms, rel=0.01)
         if opened_at == POSITION:  # a pulse of metres saturates everything, and is linear only in itself
             assert result.responses[name].amplitude < 1e-5  # m
 
 
 @pytest.mark.parametrize("controller", GAINS)
-def test_gain_margins_at_the_measured_position_are_those_of_the_inertia(controller: str) -> None:
+def test_gain_margins_at_the_measured_position_match_the_inertia(controller: str) -> None:
     """The viscous friction and the back-EMF, which do not change with the inertia, are small."""
     frequency = np.geomspace(20.0, 4999.0, 2000)
     loop = LinearDrive(controller, 0.05, 33.0, 0.0)
@@ -61,7 +61,7 @@ def test_gain_margins_at_the_measured_position_are_those_of_the_inertia(controll
         assert not LinearDrive(controller, 0.05, 33.0, 0.0, limit**1.1).is_stable()
 
 
-@pytest.mark.parametrize("opened_at", PLACES)
+@pytest.mark.parametrize("opened_at", OPENINGS)
 def test_python_control_finds_the_same_margins(opened_at: str) -> None:
     control = pytest.importorskip("control", reason="python-control is not installed.")
     frequency = np.geomspace(20.0, 4999.0, 2000)
@@ -93,7 +93,7 @@ def compliance(fmu_folder: Path) -> ec.FrequencyResponse:
 
 
 @pytest.mark.parametrize("frequency", mostly_slow(FREQUENCIES, (50.0, 190.0, 1000.0)))
-def test_an_injected_sine_has_the_same_gain_and_phase(
+def test_injected_sine_has_the_same_gain_and_phase(
     compliance: ec.FrequencyResponse, frequency: float, fmu_folder: Path
 ) -> None:
     """Half the difference of two runs, whose sines have opposite signs; its transient ends before AT.
@@ -107,10 +107,10 @@ def test_an_injected_sine_has_the_same_gain_and_phase(
     up, down = (_move(time, 57e3 + part * height * wave.imag, fmu_folder) for part in (1.0, -1.0))
     periods = slice(round(AT / STEP), -1)
     effect, window = 0.5 * (up - down)[periods], 1.0 - np.cos(2.0 * np.pi * (time[periods] - AT) / PERIOD)
-    found = 2j * np.mean(effect * window * wave.conj()[periods]) / height
+    gain = 2j * np.mean(effect * window * wave.conj()[periods]) / height
     expected = np.exp(np.interp(np.log(frequency), np.log(compliance.frequency), np.log(compliance.value)))
-    assert abs(found) == pytest.approx(abs(expected), rel=0.01)
-    assert abs(np.degrees(np.angle(found / expected))) < 1.0
+    assert abs(gain) == pytest.approx(abs(expected), rel=0.01)
+    assert abs(np.degrees(np.angle(gain / expected))) < 1.0
 
 
 def _move(time: np.ndarray, force: np.ndarray, fmus: Path) -> np.ndarray:
@@ -127,27 +127,27 @@ def test_damped_gains_have_their_margins(joint: str, fmu_folder: Path) -> None:
     loops = [joint, f"{joint}.controller.u_q -> {joint}.plant.u_q"]
     delay = {f"{joint}.plant.inverter.delay": STEP}
     at = {"at": 0.35, "duration": 0.15, "stop_time": 0.5, "fmus": fmu_folder}
-    found = ec.linearize(joint, gains="damped", set=delay, open=loops, **at)
-    assert len(found.margins) == 2
-    for margins in found.margins.values():
+    result = ec.linearize(joint, gains="damped", set=delay, open=loops, **at)
+    assert len(result.margins) == 2
+    for margins in result.margins.values():
         assert margins.phase_deg >= 30.0 and margins.Ms <= 2.2
         assert margins.gain_up_dB >= 6.0 and margins.gain_down_dB <= -6.0
 
 
-SHORT = {"gains": "damped", "at": 0.3, "duration": 0.1, "stop_time": 0.4}
+SHORT_RUN = {"gains": "damped", "at": 0.3, "duration": 0.1, "stop_time": 0.4}
 
 
 def test_joint_is_opened_at_its_current_reference_by_default(fmu_folder: Path) -> None:
-    result = ec.linearize("lift", **SHORT, fmus=fmu_folder)
-    assert list(result.margins) == [PLACES[CURRENT]]
+    result = ec.linearize("lift", **SHORT_RUN, fmus=fmu_folder)
+    assert list(result.margins) == [OPENINGS[CURRENT]]
 
 
 def test_all_joints_are_opened_by_default() -> None:
     joints = ("lift", "tilt", "telescope")
-    found = choose_openings(ec.load("study").system)
-    assert found == [f"{j}.controller.a_d -> {j}.controller.i_q_ref" for j in joints]
+    openings = choose_openings(ec.load("study").system)
+    assert openings == [f"{j}.controller.a_d -> {j}.controller.i_q_ref" for j in joints]
 
 
 def test_controller_without_current_reference_needs_a_place(fmu_folder: Path) -> None:
     with pytest.raises(ec.CommandError, match=r"without delay.*--open lift"):
-        ec.linearize("lift", controller="cac", **SHORT, fmus=fmu_folder)
+        ec.linearize("lift", controller="cac", **SHORT_RUN, fmus=fmu_folder)

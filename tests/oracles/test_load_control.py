@@ -65,7 +65,7 @@ def commanded(values: dict[str, Any], motion: Motion, h: float, time: float = 0.
 
 @given(st.floats(1.0, 50.0), st.floats(0.5, 3.0))
 @examples(2, 10)
-def test_swing_after_a_shaped_move_is_that_of_the_transfer_function(frequency: float, swings: float) -> None:
+def test_swing_after_a_shaped_move_matches_the_transfer_function(frequency: float, swings: float) -> None:
     """A swing without damping is left with |integral of v exp(-i w t)|; a notch multiplies it by |G(i w)|."""
     duration, h = swings / frequency, 1.0 / (250.0 * frequency)
     t = h * np.arange(round(duration / h) + 1000)
@@ -73,14 +73,14 @@ def test_swing_after_a_shaped_move_is_that_of_the_transfer_function(frequency: f
     shaped = commanded(values, quintic(0.1, duration, t), h)[1]
     ratios = np.array([0.5, 0.8, 0.9, 1.0, 1.1, 1.25, 2.0])
     omega = 2.0 * math.pi * frequency * ratios
-    left = np.array([abs(np.trapezoid(shaped * np.exp(-1j * w * t), t)) for w in omega])
+    with_notch = np.array([abs(np.trapezoid(shaped * np.exp(-1j * w * t), t)) for w in omega])
     without = np.array(
         [abs(np.trapezoid(quintic(0.1, duration, t)[1] * np.exp(-1j * w * t), t)) for w in omega]
     )
     gain = ((1.0 - ratios**2) / (1.0 + ratios**2)) ** 2
     assert gain[3] == 0.0
     # positions that move on lines between steps leave 8 (w h)^2 / 12 at the notch
-    assert (np.abs(left - gain * without) <= 1e-3 * without + 1e-7).all()
+    assert (np.abs(with_notch - gain * without) <= 1e-3 * without + 1e-7).all()
 
 
 def test_damped_swing_rests_after_a_shaped_move() -> None:
@@ -111,7 +111,7 @@ def test_damped_swing_rests_after_a_shaped_move() -> None:
     st.floats(0.0, 0.9),
 )
 @examples(10, 200)
-def test_a_position_that_only_rises_is_never_exceeded(
+def test_position_that_only_rises_is_never_exceeded(
     rises: list[float], frequencies: tuple[float, float], zeta: float
 ) -> None:
     x = np.cumsum([0.3, *rises])
@@ -152,7 +152,7 @@ def test_approach_waits_while_the_motion_needs_the_speed(gap: float, distance: f
     """Speed and acceleration are derivatives, the largest speed is kept, and the load arrives.
 
     Where the motion alone needs all the speed, the approach stops, and the acceleration jumps to that of the
-    motion: it is no derivative there.
+    motion: it is not a derivative there.
     """
     h, duration = 2e-3, 1.0
     t = h * np.arange(round(5.0 / h))
@@ -184,7 +184,7 @@ def test_jumps_of_force_and_acceleration_command_no_impossible_speed() -> None:
     assert x[-1] == pytest.approx(2e4 / 1e7)
 
 
-def test_start_is_that_of_the_first_step_at_any_time() -> None:
+def test_start_matches_the_first_step_at_any_time() -> None:
     """Also in hosts that do not exchange values in initialization."""
     t = 1e-3 * np.arange(200)
     motion = quintic(0.05, 0.15, t)
@@ -210,7 +210,7 @@ def test_start_is_that_of_the_first_step_at_any_time() -> None:
 # ---- the deflection ----------------------------------------------------------------------------
 
 
-def test_load_on_a_commanded_screw_makes_the_wanted_motion() -> None:
+def test_load_on_a_commanded_screw_follows_the_reference() -> None:
     """The screw makes the commanded motion; the start is 5 mm off, and the load weighs 57 kN."""
     k, m, force, h = 1e8, 43e3, 57e3, 1e-3
     t = h * np.arange(1001)
@@ -266,23 +266,23 @@ def observer_matrix(values: dict[str, float]) -> Vector:
     for name in states:
         observer = started(LoadObserver, values | {name: 1.0, "solver.internal_step": 1e-6})
         observer.do_step(0.0, h)
-        columns.append([observer[other] for other in states])
+        columns.append([observer[state] for state in states])
     return np.real(logm(np.array(columns).T)) / h
 
 
 @pytest.mark.parametrize("joint", ["lift", "tilt", "telescope"])
-def test_poles_are_where_the_joint_file_wants_them(joint: str) -> None:
+def test_poles_match_the_joint_file(joint: str) -> None:
     file = load_joint(joint)
     load, feedback = file.compliant_load, file.load_feedback
     attributes = {p.attribute: p.name for p in LoadObserver.layout().parameters}
     values = {attributes[name]: x for name, x in observer_parameters(load, feedback).items()}
     w = feedback.observer * load.omega
-    found = np.poly(observer_matrix(values)) / [1.0, w, w * w, w**3]
-    assert found == pytest.approx([1.0, 3.0, 3.0, 1.0], rel=1e-6)
+    coefficients = np.poly(observer_matrix(values)) / [1.0, w, w * w, w**3]
+    assert coefficients == pytest.approx([1.0, 3.0, 3.0, 1.0], rel=1e-6)
 
 
 @given(st.floats(0.0, 0.7), st.floats(0.0, 1.0), st.floats(5.0, 200.0))
-def test_feedback_gives_the_load_the_poles_that_it_says(zeta: float, p: float, omega: float) -> None:
+def test_feedback_places_the_poles_of_the_load(zeta: float, p: float, omega: float) -> None:
     """The load's error e behind a screw that follows at once: e'' = omega^2 (z - e)."""
     gains = LoadFeedback(damping_ratio=zeta, integral=p).gains(omega)
     k_0, k_1, k_2 = (gains[f"k_{i}"] for i in range(3))
@@ -309,7 +309,7 @@ def test_estimate_is_not_half_a_step_ahead() -> None:
 
 
 @pytest.mark.parametrize(("deflection", "force"), [(3e-5, 1e3), (-3e-5, -1e3), (1e-5, 0.0), (-2e-5, 0.0)])
-def test_force_at_the_start_is_that_of_the_spring(deflection: float, force: float) -> None:
+def test_force_at_the_start_matches_the_spring(deflection: float, force: float) -> None:
     """A play of 40 um: within it there is no force."""
     values = {"model.backlash": 4e-5, "x_1": 0.2 + deflection, "y": 0.2}
     assert started(LoadObserver, values)["F_0"] == pytest.approx(force, abs=1e-6)
@@ -321,7 +321,7 @@ def test_unstable_gains_are_refused() -> None:
     started(LoadObserver, {"l_1": 0.0, "l_2": 0.0, "l_3": 0.0})
 
 
-def test_load_sensor_has_noise_and_resolution_of_its_own() -> None:
+def test_load_sensor_has_separate_noise_and_resolution() -> None:
     values = {"load.sensor.sigma": 1e-6, "sensor.sigma": 1e-6, "use_commanded_current": True}
     plant = started(EmlaCompliantPlant, values)
     noise = []
@@ -361,8 +361,8 @@ def lift_run(load_control: str, factor: float, folder: Path) -> tuple[Vector, Ve
 def lift_model(load_control: str, factor: float, t: Vector) -> Vector:
     """The error of the load in m behind a screw that makes the commanded motion, in continuous time."""
     file = load_joint("lift")
-    known, feedback = file.compliant_load, file.load_feedback
-    k, m, c, b = known.stiffness, known.mass, known.damping, known.backlash
+    sheet, feedback = file.compliant_load, file.load_feedback
+    k, m, c, b = sheet.stiffness, sheet.mass, sheet.damping, sheet.backlash
     actual = Transmission(m=m, k=factor * k, c=c, b=b)
     measured, force = load_control == "sensor", 57e3
     start = 0.24 - force / actual.k - 0.5 * b
@@ -375,10 +375,10 @@ def lift_model(load_control: str, factor: float, t: Vector) -> Vector:
     limit = joint_system(file, "rsba", "compliant", compliant=True).component("lift.command").parameters
     T = math.sqrt(9.37199 * abs(gap) / limit["approach.a_max"])
     A, B = Observer(Load(k, m, c, b), (0.0, 0.0, 0.0)).matrices  # for the acceleration alone
-    w = feedback.observer * known.omega
-    gains = feedback.gains(known.omega) if measured else dict.fromkeys(("k_0", "k_1", "k_2"), 0.0)
+    w = feedback.observer * sheet.omega
+    gains = feedback.gains(sheet.omega) if measured else dict.fromkeys(("k_0", "k_1", "k_2"), 0.0)
 
-    def wanted(s: float) -> list[float]:
+    def planned_motion(s: float) -> list[float]:
         """Position, speed, acceleration and jerk of the planned motion."""
         moving, arriving = min(s / duration, 1.0), min(s / T, 1.0)
         parts = [
@@ -389,7 +389,7 @@ def lift_model(load_control: str, factor: float, t: Vector) -> Vector:
 
     def rates(s: float, state: Vector) -> list[float]:
         x, v, x_hat, v_hat, f_hat, z = state
-        x_p, v_p, a_p, j_p = wanted(s)
+        x_p, v_p, a_p, j_p = planned_motion(s)
         x_1, v_1 = x_p + (m * a_p + assumed) / k + 0.5 * b + z, v_p + m * j_p / k
         model = A[1] @ [x_hat - start, v_hat, f_hat] + B[1, 1:] @ [x_1 - 0.24, v_1]
         rate = -(gains["k_0"] * (x_hat - x_p) + gains["k_1"] * (v_hat - v_p) + gains["k_2"] * (model - a_p))

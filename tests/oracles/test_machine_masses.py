@@ -103,24 +103,24 @@ def test_masses_of_the_manipulator(folder: Path, manipulator: Data) -> None:
         "inner_boom.m": "10:200",
         "payload.m": "200:800",
     }
-    found = estimate(fmu, manipulator, vary)
+    result = estimate(fmu, manipulator, vary)
     truth = {"lift_boom.m": 190.0, "outer_boom.m": 100.0, "inner_boom.m": 70.0, "payload.m": 470.0}
     for name, value in truth.items():
-        one = found[f"Load.{name}"]
-        assert one.problem is None and one.interval is not None
-        assert one.interval[0] < value < one.interval[1]
-        assert one.interval[1] - one.interval[0] < 0.25 * value
+        estimate_ = result[f"Load.{name}"]
+        assert estimate_.problem is None and estimate_.interval is not None
+        assert estimate_.interval[0] < value < estimate_.interval[1]
+        assert estimate_.interval[1] - estimate_.interval[0] < 0.25 * value
 
 
 @pytest.mark.slow
-def test_masses_that_forces_do_not_tell_apart(folder: Path, manipulator: Data) -> None:
+def test_indistinguishable_masses_are_reported(folder: Path, manipulator: Data) -> None:
     """The lift boom turns about a fixed axis: only the product with its centre, and its inertia, count."""
     fmu = load_fmu("hdrm", folder)
-    found = estimate(
+    result = estimate(
         fmu, manipulator, {"lift_boom.m": "150:250", "lift_boom.c": "0.6:1.1", "lift_boom.J": "20:80"}
     )
     for name in ("m", "c", "J"):
-        assert "combination" in str(found[f"Load.lift_boom.{name}"].problem)
+        assert "combination" in str(result[f"Load.lift_boom.{name}"].problem)
 
 
 @pytest.mark.slow
@@ -140,8 +140,8 @@ def test_masses_of_a_crane_whose_load_swings(folder: Path) -> None:
     assert np.allclose(result.time, data["time"])
     data |= with_noise(np.array([result[f"Load.F_L[{i}]"] for i in (1, 2, 3)]).T)
     vary = {"boom.m": "50:400", "jib.m": "30:300", "payload.m": "50:500", "start.passive.q[1]": "-2:-1"}
-    found = estimate(fmu, data, vary)
+    identified = estimate(fmu, data, vary)
     for name, value in truth.items():
-        one = found[f"Load.{name}"]
-        assert one.problem is None and one.interval is not None
-        assert one.interval[0] < value < one.interval[1]
+        estimate_ = identified[f"Load.{name}"]
+        assert estimate_.problem is None and estimate_.interval is not None
+        assert estimate_.interval[0] < value < estimate_.interval[1]

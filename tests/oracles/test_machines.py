@@ -9,15 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fmublock.symbolic import evaluate_symbolically
-from machine_fmu import (
-    Actuator,
-    Body,
-    Joint,
-    Machine,
-    Payload,
-    Point,
-    plant_block,
-)
+from machine_fmu import Actuator, Body, Joint, Machine, Payload, Point, plant_block
 from tests.support.machine_states import Case, MachineState
 from tests.support.pinocchio_machine import PinocchioMachine
 from tests.support.reference_model import Vector
@@ -38,7 +30,7 @@ def tripod(joint: Joint, count: int) -> Machine:
         )
         for i in range(count)
     }
-    turn = Joint("revolute", "mast", "top", (0.2, 1.0, 0.3), (0.3, -0.2, 0.5), (0.4,))
+    hinge = Joint("revolute", "mast", "top", (0.2, 1.0, 0.3), (0.3, -0.2, 0.5), (0.4,))
     arm = {"end": Point((0.8, 0.1, 0.2))}
     bodies = {
         "mast": Body(
@@ -52,7 +44,7 @@ def tripod(joint: Joint, count: int) -> Machine:
                 **{f"pin_{i}": Point((0.5 * x, 0.5 * y, 0.9)) for i, (x, y, _) in enumerate(PINS)},
             },
         ),
-        "arm": Body(turn, 50.0, (0.4, 0.0, 0.1), (2.0, 9.0, 8.0), arm),
+        "arm": Body(hinge, 50.0, (0.4, 0.0, 0.1), (2.0, 9.0, 8.0), arm),
         "carriage": Body(
             Joint("prismatic", "arm", "end", (1.0, 0.5, -0.2), assembly=(0.2,)), 20.0, (0.1, 0.2, 0.0)
         ),
@@ -72,9 +64,9 @@ SPATIAL = {
 }
 
 
-def relative(found: object, expected: object) -> float:
+def relative(actual: object, expected: object) -> float:
     """Largest difference, as a fraction of the largest entry."""
-    a, b = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
+    a, b = np.asarray(actual, dtype=float), np.asarray(expected, dtype=float)
     return float(np.abs(a - b).max() / np.abs(b).max())
 
 
@@ -86,20 +78,20 @@ def test_machines_agree_with_constraints_in_pinocchio(name: str, states: int) ->
     oracle = PinocchioMachine(case.machine)
     count = len(case.machine.actuators)
     for state in case.states(states, seed=3):
-        made = case.dynamics(state)
+        dynamics = case.dynamics(state)
         reflected = [2e3] * count + [0.0] * len(state.passive)
         forces = oracle.forces(state.variables, state.v, state.a)
-        assert relative(made.inverse(state.v, state.a), forces) < 1e-10
+        assert relative(dynamics.inverse(state.v, state.a), forces) < 1e-10
         expected = oracle.accelerations(state.variables, state.v, state.force, reflected)
-        assert relative(made.forward(state.v, state.force, reflected), expected) < 1e-10
+        assert relative(dynamics.forward(state.v, state.force, reflected), expected) < 1e-10
 
 
 def scissors() -> Machine:
     """The lift table with its actuator between both arms, so that both of its ends move."""
     machine = CASE("lift_table").machine
     arms = {
-        name: replace(machine.bodies[name], points={**machine.bodies[name].points, "push": Point(place)})
-        for name, place in (("arm", (1.2, 0.1)), ("other_arm", (1.1, -0.15)))
+        name: replace(machine.bodies[name], points={**machine.bodies[name].points, "push": Point(position)})
+        for name, position in (("arm", (1.2, 0.1)), ("other_arm", (1.1, -0.15)))
     }
     lift = replace(
         machine.actuators["lift"], ends=("other_arm.push", "arm.push"), L_0=0.1, rod_share=0.4, start=None
@@ -120,11 +112,11 @@ def test_further_machines_agree_with_pinocchio(name: str) -> None:
     for _ in range(5):
         strokes = (np.array(assembled) + draw.uniform(-0.04, 0.04, len(assembled))).tolist()
         v, a = draw.uniform(-0.3, 0.3, len(strokes)).tolist(), draw.uniform(-5.0, 5.0, len(strokes)).tolist()
-        made = case.dynamics(MachineState(strokes, [], v, a, []))
-        assert relative(made.inverse(v, a), oracle.forces(strokes, v, a)) < 1e-11
+        dynamics = case.dynamics(MachineState(strokes, [], v, a, []))
+        assert relative(dynamics.inverse(v, a), oracle.forces(strokes, v, a)) < 1e-11
         force = (1e4 * draw.uniform(-1.0, 1.0, len(strokes))).tolist()
         expected = oracle.accelerations(strokes, v, force, [1e3] * len(strokes))
-        assert relative(made.forward(v, force, [1e3] * len(strokes)), expected) < 1e-11
+        assert relative(dynamics.forward(v, force, [1e3] * len(strokes)), expected) < 1e-11
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -148,8 +140,8 @@ def test_merged_block_moves_as_pinocchio(name: str, seconds: float) -> None:
     weight, mass = np.array(rest.bias([0.0] * n)), np.diag(rest.mass_matrix())[:count] + reflected
 
     def force(t: float, x: Vector, v: Vector) -> Vector:
-        wanted = first[:count] + 0.06 * (1.0 - np.cos(3.0 * t))
-        return weight[:count] + mass * (36.0 * (wanted - x) - 8.0 * v)
+        target = first[:count] + 0.06 * (1.0 - np.cos(3.0 * t))
+        return weight[:count] + mass * (36.0 * (target - x) - 8.0 * v)
 
     def slope(t: float, y: Vector) -> Vector:
         now = values.copy()
@@ -169,8 +161,8 @@ def test_merged_block_moves_as_pinocchio(name: str, seconds: float) -> None:
     start = np.array([*first[:count], *passive, *[0.0] * n])
     tight: Any = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-10}
     expected = solve_ivp(expected_slope, (0.0, seconds), start, **tight).y[:count, -1]
-    found = solve_ivp(slope, (0.0, seconds), first, **tight).y[:count, -1]
-    assert found == pytest.approx(expected, abs=1e-8)
+    actual = solve_ivp(slope, (0.0, seconds), first, **tight).y[:count, -1]
+    assert actual == pytest.approx(expected, abs=1e-8)
     assert np.abs(expected - first[:count]).min() > 0.005
 
 

@@ -59,7 +59,7 @@ def test_co_simulation_converges_to_model_exchange_with_fourth_order(
     assert all(3.8 < order < 4.2 for order in orders), orders
 
 
-def test_a_block_without_states_gives_the_same_outputs(sessions: dict[str, Session]) -> None:
+def test_block_without_states_gives_the_same_outputs(sessions: dict[str, Session]) -> None:
     """The reference, at the host's times instead of after steps."""
     session = sessions["Reference"]
     values, outputs = {"waypoint[2]": 0.3, "move.start[1]": 0.1, "period": 1.25}, ("x_d", "v_d", "a_d")
@@ -78,16 +78,16 @@ def test_a_block_without_states_gives_the_same_outputs(sessions: dict[str, Sessi
 
 
 def test_discrete_states_hold_their_start_values(toy: Session) -> None:
-    found = simulate_fmu(
+    rows = simulate_fmu(
         str(toy.folder),
         fmi_type="ModelExchange",
         stop_time=1.0,
         start_values={"seed": 99, "step_count": 5.0},
         output=["random", "step_count", "x"],
     )
-    assert set(found["random"]) == {99.0}
-    assert set(found["step_count"]) == {5.0}
-    assert len(set(found["x"])) > 100
+    assert set(rows["random"]) == {99.0}
+    assert set(rows["step_count"]) == {5.0}
+    assert len(set(rows["x"])) > 100
 
 
 @pytest.mark.parametrize("model", ["Disturbance", "ScrewCommand"])
@@ -107,7 +107,7 @@ def test_other_types_and_guids_are_refused(toy: Session) -> None:
     assert lines[1].startswith("raw: the GUID {0} is not this FMU's, {")
 
 
-def test_all_other_models_are_for_both(sessions: dict[str, Session]) -> None:
+def test_models_that_offer_model_exchange(sessions: dict[str, Session]) -> None:
     offering = {m for m, session in sessions.items() if session.description.modelExchange is not None}
     assert offering == {m for m in FACTS if FACTS[m].has_model_exchange}
     for model in offering:
@@ -124,7 +124,7 @@ def instantiate(session: Session, slave: Any, kind: int, guid: str | None = None
 # ---- what an instance gives --------------------------------------------------------------------
 
 
-def test_derivatives_are_those_of_the_present_time_states_and_inputs(toy: Session) -> None:
+def test_derivatives_match_the_present_time_states_and_inputs(toy: Session) -> None:
     model = toy.instance(of=FMU2Model, shape=Shape.CUBIC)
     model.setTime(0.75)
     set_continuous_states(model, [0.5, 2.0, -3.0])
@@ -153,7 +153,7 @@ def test_start_values_can_be_read_and_derived_in_initialization(toy: Session) ->
     assert derivatives(model, 3) == pytest.approx([0.5, (0.5 - 2.25 - 0.05) / 2.0, 1.0 + 0.5 / 3.0])
 
 
-def test_events_change_nothing_and_announce_nothing(toy: Session) -> None:
+def test_events_change_no_values(toy: Session) -> None:
     model = toy.instance(of=FMU2Model)
     before = toy.get(model, "x", "v[1]", "v[2]", "power", "random", "step_count")
     model.enterEventMode()
@@ -163,7 +163,7 @@ def test_events_change_nothing_and_announce_nothing(toy: Session) -> None:
     assert toy.get(model, "x", "v[1]", "v[2]", "power", "random", "step_count") == before
 
 
-def test_nominal_values_are_those_of_the_block(sessions: dict[str, Session]) -> None:
+def test_nominal_values_match_the_block(sessions: dict[str, Session]) -> None:
     model = sessions["EmlaPlant"].instance(of=FMU2Model)
     nominals = (fmi2.fmi2Real * 5)()
     model.getNominalsOfContinuousStates(nominals, 5)
@@ -177,7 +177,7 @@ def test_nominal_values_are_those_of_the_block(sessions: dict[str, Session]) -> 
         (1e200, Shape.CUBIC, "toy: der(v[1]) at t = 0.5 s is -inf."),
     ],
 )
-def test_a_derivative_that_is_not_finite_is_discarded_by_name(
+def test_derivative_that_is_not_finite_is_discarded_by_name(
     toy: Session, x: float, shape: Shape, complaint: str
 ) -> None:
     """The host can then try a shorter step."""
@@ -191,7 +191,7 @@ def test_a_derivative_that_is_not_finite_is_discarded_by_name(
     assert np.isfinite(derivatives(model, 3)).all()
 
 
-def test_wrong_lengths_and_times_are_refused(toy: Session) -> None:
+def test_invalid_lengths_and_times_are_refused(toy: Session) -> None:
     model = toy.instance(of=FMU2Model)
     model.setTime(0.5)
     buffer, expected = (fmi2.fmi2Real * 4)(), []
@@ -292,14 +292,20 @@ def test_parameters_and_states_cannot_be_set_one_by_one_after_initialization(toy
 
 # ---- calls of the other type -------------------------------------------------------------------
 
-BUFFER, FLAG, ONE = (c_double * 4)(), c_int(), c_size_t(1)
+BUFFER, FLAG, SINGLE = (c_double * 4)(), c_int(), c_size_t(1)
 CO_SIMULATION: dict[str, tuple[Any, ...]] = {
     "do a step": ("fmi2DoStep", c_double(0.0), c_double(0.1), c_int(1)),
-    "set input derivatives": ("fmi2SetRealInputDerivatives", byref(c_uint(0)), ONE, byref(c_int(1)), BUFFER),
+    "set input derivatives": (
+        "fmi2SetRealInputDerivatives",
+        byref(c_uint(0)),
+        SINGLE,
+        byref(c_int(1)),
+        BUFFER,
+    ),
     "get output derivatives": (
         "fmi2GetRealOutputDerivatives",
         byref(c_uint(10)),
-        ONE,
+        SINGLE,
         byref(c_int(1)),
         BUFFER,
     ),
@@ -339,7 +345,7 @@ def test_calls_of_the_other_type_are_refused(toy: Session) -> None:
 
 
 @pytest.mark.parametrize("kinds", [(FMU2Slave, FMU2Model), (FMU2Model, FMU2Slave)])
-def test_a_state_of_one_type_is_refused_by_the_other(toy: Session, kinds: tuple[Any, Any]) -> None:
+def test_state_of_one_type_is_refused_by_the_other(toy: Session, kinds: tuple[Any, Any]) -> None:
     source, target = toy.instance("source", of=kinds[0]), toy.instance("target", of=kinds[1])
     before = toy.get(target, "x", "v[1]", "power")
     saved = source.getFMUstate()
@@ -355,19 +361,19 @@ def test_a_state_of_one_type_is_refused_by_the_other(toy: Session, kinds: tuple[
 
 @pytest.mark.parametrize("serialized", [False, True])
 def test_saved_states_contain_time_states_inputs_and_phase(toy: Session, serialized: bool) -> None:
-    model, other = toy.instance("model", of=FMU2Model), toy.instance("other", of=FMU2Model)
+    model, second = toy.instance("model", of=FMU2Model), toy.instance("other", of=FMU2Model)
     model.setTime(0.75)
     set_continuous_states(model, [0.5, 2.0, -3.0])
     toy.set(model, force=7.0)
     expected = derivatives(model, 3)
     saved = model.getFMUstate()
     if serialized:
-        saved = other.deSerializeFMUstate(model.serializeFMUstate(saved))
+        saved = second.deSerializeFMUstate(model.serializeFMUstate(saved))
     model.setTime(1.0)
     set_continuous_states(model, [0.1, 0.2, 0.3])
     toy.set(model, force=-1.0)
     model.enterEventMode()
-    for each in (model, other):
+    for each in (model, second):
         each.setFMUstate(saved)
         assert derivatives(each, 3) == expected
         assert continuous_states(each, 3) == [0.5, 2.0, -3.0]
@@ -377,13 +383,13 @@ def test_saved_states_contain_time_states_inputs_and_phase(toy: Session, seriali
 @pytest.mark.parametrize("promised", [True, False])
 def test_going_back_behind_a_promised_point_is_a_warning(toy: Session, promised: bool) -> None:
     model = toy.instance(of=FMU2Model)
-    early = model.getFMUstate()
+    first_state = model.getFMUstate()
     model.setTime(0.5)
     model.completedIntegratorStep(promised)
-    late = model.getFMUstate()
+    promised_state = model.getFMUstate()
     model.setTime(0.75)
-    assert model.fmi2SetFMUstate(model.component, late) == OK
-    assert model.fmi2SetFMUstate(model.component, early) == (WARNING if promised else OK)
+    assert model.fmi2SetFMUstate(model.component, promised_state) == OK
+    assert model.fmi2SetFMUstate(model.component, first_state) == (WARNING if promised else OK)
     line = "toy: set back to t = 0 s, though noSetFMUStatePriorToCurrentPoint was given at t = 0.5 s."
     assert toy.log.lines("toy") == [line] * promised
     assert toy.get(model, "der(v[2])") == pytest.approx([1.0 + 0.5 / 3.0])

@@ -80,7 +80,7 @@ def co_simulated(algorithm: str, step: float, folder: Path, gains: str) -> Run:
     return Run(states, float(max(largest[:2])), float(largest[2]))
 
 
-def test_the_setting_is_smooth(runs: list[Run], gains: str) -> None:
+def test_setting_is_smooth(runs: list[Run], gains: str) -> None:
     system = lift(gains)
     c: Mapping[str, Any] = system.component("lift.controller").parameters
     for run in runs:
@@ -94,8 +94,8 @@ def test_limit_of_short_steps_is_the_solution_of_the_whole(runs: list[Run], solu
     a, b, c, d = (run.states for run in runs)
     extrapolated = (64.0 * d - 56.0 * c + 14.0 * b - a) / 21.0
     ranges = np.ptp(solution, axis=0)
-    left = np.abs(extrapolated - solution).max(axis=0) / np.where(ranges > 0.0, ranges, 1.0)
-    by_name = dict(zip(paper.JOINT_STATES, left, strict=True))
+    remaining_error = np.abs(extrapolated - solution).max(axis=0) / np.where(ranges > 0.0, ranges, 1.0)
+    by_name = dict(zip(paper.JOINT_STATES, remaining_error, strict=True))
     # the fourth term leaves 2e-6 to 5e-6; without F_2 of (84), the smallest effect, 3e-5 would be left
     assert {name: by_name[name] for name in SMOOTH if by_name[name] > 8e-6} == {}
     # theta integrates squares, eta_hat |y_bar| with its kink: 3e-5 is left of both
@@ -105,10 +105,10 @@ def test_limit_of_short_steps_is_the_solution_of_the_whole(runs: list[Run], solu
 # ---- right-hand sides and outputs, point by point ----------------------------------------------
 
 
-def values(*given: Mapping[str, Any], **more: Any) -> Values:
+def values(*parts: Mapping[str, Any], **more: Any) -> Values:
     """What a block's equations see, by attribute."""
     v = Values()
-    for part in (*given, more):
+    for part in (*parts, more):
         v.__dict__.update(part)
     return v
 
@@ -118,13 +118,13 @@ def rates(block: Block, v: Values) -> list[float]:
     return Results(block, "derivatives").flat(block.derivatives(v))
 
 
-def shown(block: Block, v: Values) -> dict[str, float]:
+def state_and_outputs(block: Block, v: Values) -> dict[str, float]:
     """States and outputs by FMI name."""
     layout = block.layout()
-    found = [x for state in layout.states for x in state.flat(getattr(v, state.attribute))]
-    found += Results(block, "outputs").flat(block.outputs(v))
+    numbers = [x for state in layout.states for x in state.flat(getattr(v, state.attribute))]
+    numbers += Results(block, "outputs").flat(block.outputs(v))
     names = [s.name for x in (*layout.states, *layout.outputs) for s in x.scalars()]
-    return dict(zip(names, found, strict=True))
+    return dict(zip(names, numbers, strict=True))
 
 
 def drawn_drive(draw: np.random.Generator, x_L: float) -> tuple[reference_drive.Drive, dict[str, Any]]:
@@ -186,20 +186,20 @@ def test_plant_at_random_points() -> None:
     acts = ("u_q", "u_d", "i_q_ref", "F_L", "d_2", "d_3", "d_4")
     for _ in range(200):
         scaled = ("R_s", "L_d", "L_q", "Phi_PM", "J_m", "B_m", "rho", "lead", "M_BS", "eta_GB", "u_max")
-        given = {name: getattr(paper.Actuator(), name) * draw.uniform(0.5, 1.1) for name in scaled}
-        given |= {"J_c": draw.uniform(0.0, 0.01), "J_GB": draw.uniform(0.0, 0.01)}
-        given |= {"B_BS": draw.uniform(0.0, 1e4), "C_eq": draw.uniform(0.0, 1e3)}
-        given["N_p"] = int(draw.integers(1, 9))
+        parameters = {name: getattr(paper.Actuator(), name) * draw.uniform(0.5, 1.1) for name in scaled}
+        parameters |= {"J_c": draw.uniform(0.0, 0.01), "J_GB": draw.uniform(0.0, 0.01)}
+        parameters |= {"B_BS": draw.uniform(0.0, 1e4), "C_eq": draw.uniform(0.0, 1e3)}
+        parameters["N_p"] = int(draw.integers(1, 9))
         F, commanded = draw.uniform(-0.1, 0.1, size=3).tolist(), bool(draw.random() < 0.5)
         x = draw.uniform([0.0, -0.2, -100.0, -100.0], [0.5, 0.2, 100.0, 100.0])
         acting = dict(zip(acts, draw.normal(size=7) * [250.0, 200.0, 50.0, 5e4, 2.0, 2.0, 2.0], strict=True))
         acting["sag"] = float(draw.uniform(0.0, 0.5))
         drive, switched = drawn_drive(draw, x[0])
         rise = float(draw.uniform(0.0, 100.0)) if drive.winding else 0.0
-        p = paper.Actuator(**given, F=tuple(F), torque_from_command=commanded, drive=drive)
+        p = paper.Actuator(**parameters, F=tuple(F), torque_from_command=commanded, drive=drive)
         u = paper.PlantInputs(**acting)
 
-        v = values(given, acting, use_commanded_current=float(commanded), F_2=F[0], F_3=F[1], F_4=F[2])
+        v = values(parameters, acting, use_commanded_current=float(commanded), F_2=F[0], F_3=F[1], F_4=F[2])
         v = values(vars(v), switched, IDEAL_SENSORS, delay=0.0, u_q_late=0.0, u_d_late=0.0)
         v = values(vars(v), dict(zip(PLANT_STATES, x.tolist(), strict=True)))
         v.temperature_rise, v.u_measured = rise, p.u_max * (1.0 - acting["sag"])  # sampled when it is steady
@@ -208,9 +208,9 @@ def test_plant_at_random_points() -> None:
         expected = [*paper.plant_rates(p, x, u, rise), paper.heating(p, x, rise)]
         assert rates(block, v) == pytest.approx(expected, rel=1e-10)
         outputs = {**paper.plant_outputs(p, x, u), "motor.temperature_rise": rise}
-        found, phases = shown(block, v), [f"phase.i_{name}" for name in "abc"]
-        assert [found.pop(n) for n in phases] == pytest.approx([outputs.pop(n) for n in phases], abs=1e-9)
-        assert found == pytest.approx(outputs, rel=1e-10)
+        actual, phases = state_and_outputs(block, v), [f"phase.i_{name}" for name in "abc"]
+        assert [actual.pop(n) for n in phases] == pytest.approx([outputs.pop(n) for n in phases], abs=1e-9)
+        assert actual == pytest.approx(outputs, rel=1e-10)
         met["limited" if outputs["inverter.saturated"] else "free"] += 1
         met["commanded"] += commanded
         met["in a stop"] += drive.end_stops is not None and drive.end_stops.force(x[0], x[1]) != 0.0

@@ -30,7 +30,7 @@ def test_p_solves_the_lyapunov_equation(
     assert p_11 > 0 and p_11 * p_22 - p_12 * p_12 > 0
 
 
-def test_the_published_p_follows_from_the_published_alpha_and_Q() -> None:
+def test_published_p_follows_from_the_published_alpha_and_Q() -> None:
     """(85) prints p to four digits, and alpha and Q rounded."""
     p = EmlaObserver().lyapunov_solution(observers("published")["lift"])
     assert p == pytest.approx((1.4078, -0.1975, 4.4535), rel=3e-4)
@@ -42,7 +42,7 @@ def test_the_published_p_follows_from_the_published_alpha_and_Q() -> None:
     y=st.floats(-1.0, 1.0),
     time=st.floats(0.0, 100.0),
 )
-def test_the_robust_term_keeps_its_bound(y_bar: float, eta_hat: float, y: float, time: float) -> None:
+def test_robust_term_keeps_its_bound(y_bar: float, eta_hat: float, y: float, time: float) -> None:
     """(25): |f| <= eta_hat H, and f has the innovation's sign."""
     gains = observers("robust")["lift"]
     point = {"y": y, "x_hat": y - y_bar, "eta_hat": eta_hat, "time": time, "h_before": 0.0}
@@ -57,28 +57,17 @@ def test_repaired_gains_weigh_small_innovations_as_promised(w: float) -> None:
     """Both poles at -w; f adds w^2 / 2 to alpha_2, at t = 0 and with eta_hat and H as they start."""
     gains = observer_gains.robust(w)
     assert np.roots([1.0, gains.alpha_1, gains.alpha_2]) == pytest.approx([-w, -w], rel=1e-6)
-    zeros = (
-        "y",
-        "x_hat",
-        "v_hat",
-        "d_hat",
-        "r_hat",
-        "y_before",
-        "i_before",
-        "time",
-        "t_before",
-        "h_before",
-    )
+    zeros = ("y", "x_hat", "v_hat", "d_hat", "r_hat", "y_before", "i_before", "time", "t_before", "h_before")
     start = dict.fromkeys(zeros, 0.0) | {"eta_hat": gains.eta_hat_start, "i_q_ref": 10.0, "i_q": 10.0}
-    known = {"N_p": 8, "Phi_PM": 0.15, "A_eq": 35.26, "B_eq": 3.67}
-    resting = SimpleNamespace(**vars(gains), **known, **start)
+    model = {"N_p": 8, "Phi_PM": 0.15, "A_eq": 35.26, "B_eq": 3.67}
+    resting = SimpleNamespace(**vars(gains), **model, **start)
     pushed = SimpleNamespace(**vars(resting) | {"x_hat": -1e-9 / w**2})
     assert EmlaObserver().derivatives(resting)["v_hat"] == 0.0  # the commanded torque is left out
     assert EmlaObserver().derivatives(pushed)["v_hat"] == pytest.approx(1.5e-9, rel=1e-6)
 
 
 @pytest.mark.parametrize("p", [400.0, 1600.0])
-def test_compensated_gains_put_all_poles_at_one_place(p: float) -> None:
+def test_compensated_gains_make_all_poles_equal(p: float) -> None:
     """s^3 + alpha_1 s^2 + alpha_2 s + omega_d alpha_2: position, speed and disturbance."""
     gains = observer_gains.compensated(p)
     poles = np.roots([1.0, gains.alpha_1, gains.alpha_2, gains.omega_d * gains.alpha_2])
@@ -87,7 +76,7 @@ def test_compensated_gains_put_all_poles_at_one_place(p: float) -> None:
 
 
 @pytest.mark.parametrize("p", [400.0, 1600.0])
-def test_damped_gains_put_all_poles_at_one_place(p: float) -> None:
+def test_damped_gains_make_all_poles_equal(p: float) -> None:
     """s^4 + alpha_1 s^3 + alpha_2 s^2 + omega_d alpha_2 s + omega_r omega_d alpha_2, and the rate."""
     g = observer_gains.damped(p, 1e-4)
     poles = np.roots([1.0, g.alpha_1, g.alpha_2, g.omega_d * g.alpha_2, g.omega_r * g.omega_d * g.alpha_2])
@@ -96,7 +85,7 @@ def test_damped_gains_put_all_poles_at_one_place(p: float) -> None:
     assert observer_gains.with_poles(g, 2.0 * p) == observer_gains.damped(2.0 * p, 1e-4)
 
 
-def test_the_time_of_the_last_step_begins_at_the_start_time() -> None:
+def test_time_of_the_last_step_begins_at_the_start_time() -> None:
     instance = Instance(EmlaObserver())
     instance.setup_experiment(5.0)
     instance.enter_initialization()

@@ -34,11 +34,11 @@ def observer(p: Mapping, x: Numbers, u: SimpleNamespace, t: float) -> tuple[Numb
     determinant = p_11 * p_22 - p_12**2
     i = i_q if p["use_measured_current"] else u.i_q_ref
     force = 1.5 * p["model.N_p"] * p["model.Phi_PM"] * i - p["model.B_eq"] * x["v_hat"]
-    known = p["use_model"] / p["model.A_eq"] * force
+    modelled = p["use_model"] / p["model.A_eq"] * force
     r_rate = p["omega_r"] * p["omega_d"] * alpha_2 * y_bar
     rates = {
         "x_hat": x["v_hat"] + alpha_1 * y_bar + p_22 / determinant * f,
-        "v_hat": known + x["d_hat"] - p["ahead"] * x["r_hat"] + alpha_2 * y_bar - p_12 / determinant * f,
+        "v_hat": modelled + x["d_hat"] - p["ahead"] * x["r_hat"] + alpha_2 * y_bar - p_12 / determinant * f,
         "eta_hat": -m * p["ell"] * x["eta_hat"] + p["ell"] * H * abs(y_bar),
         "r_hat": r_rate,
         "d_hat": p["omega_d"] * alpha_2 * y_bar + x["r_hat"] + p["ahead"] * r_rate,
@@ -47,7 +47,7 @@ def observer(p: Mapping, x: Numbers, u: SimpleNamespace, t: float) -> tuple[Numb
     return rates, {"y_bar": y_bar, "f": f}
 
 
-def test_steps_are_those_of_the_readme() -> None:
+def test_steps_match_the_readme() -> None:
     draw = np.random.default_rng(31)
     for case in range(40):
         drawn = {
@@ -79,15 +79,15 @@ def test_steps_are_those_of_the_readme() -> None:
         before = {symbol: p.get(name, t) for symbol, name in names.items()}
         for i in range(12):
             h = 1e-4 if i < 8 else draw.choice([5e-5, 2e-4])
-            given = {
+            input_values = {
                 "y": 0.3 + draw.choice([1e-6, 1e-4, 2e-2]) * draw.uniform(-1.0, 1.0),
                 "i_q_ref": draw.uniform(-100.0, 100.0),
                 "i_q": draw.uniform(-100.0, 100.0),
             }
-            for name, value in given.items():
+            for name, value in input_values.items():
                 instance[name] = value
             instance.do_step(t, h)
-            u = SimpleNamespace(**given, **before)
+            u = SimpleNamespace(**input_values, **before)
             x = stepped(observer, p, x, u, t, h)
             t += h
             for name, value in (x | observer(p, x, u, t)[1]).items():

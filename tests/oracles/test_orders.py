@@ -22,7 +22,7 @@ STEPS, SAMPLES = (80, 160), 10
 """In a second."""
 STATES = [1, 2, 3]
 """Signals that are states of slaves with inputs."""
-SHOWN = [4]
+DIRECT_OUTPUTS = [4]
 """A signal in which inputs show at once."""
 
 
@@ -47,8 +47,8 @@ def orders(make: Callable[[], Algorithm], load_by_force: bool, stop: int = 1) ->
         rows = simulated(connected(*part), algorithm, make_communication_points(stop, 1.0 / steps))[
             :: steps // SAMPLES
         ]
-        whole = Whole(*part)
-        errors.append(np.abs(rows[:, 1:] - [whole.outputs(t) for t in rows[:, 0]]).max(axis=0))
+        closed_form = Whole(*part)
+        errors.append(np.abs(rows[:, 1:] - [closed_form.outputs(t) for t in rows[:, 0]]).max(axis=0))
         claimed = algorithm.accuracy
     with np.errstate(invalid="ignore", divide="ignore"):  # the source makes no error
         return np.log2(errors[0] / errors[1]), claimed
@@ -62,19 +62,19 @@ all_pairs = pytest.mark.parametrize(
 
 @all_pairs
 def test_slaves_coupled_by_states(name: str, extrapolation: str) -> None:
-    """Held inputs cost an order. After `master` a force that nobody takes is that of the middle."""
-    found, claimed = orders(lambda: ALGORITHMS[name](extrapolation), False)
+    """Held inputs cost an order. After `master` an unconnected force is that of the middle."""
+    measured, claimed = orders(lambda: ALGORITHMS[name](extrapolation), False)
     assert claimed == (1 if extrapolation == "none" else 2)
-    assert found[STATES] == pytest.approx([claimed] * 3, abs=0.05)
-    assert found[SHOWN] == pytest.approx(2 if extrapolation == "fmu" else 1, abs=0.05)
+    assert measured[STATES] == pytest.approx([claimed] * 3, abs=0.05)
+    assert measured[DIRECT_OUTPUTS] == pytest.approx(2 if extrapolation == "fmu" else 1, abs=0.05)
 
 
 @all_pairs
 def test_slaves_coupled_with_direct_feedthrough(name: str, extrapolation: str) -> None:
     """After `master` the force of the middle is late by half a step for the mass that takes it."""
-    found, claimed = orders(lambda: ALGORITHMS[name](extrapolation), True)
+    measured, claimed = orders(lambda: ALGORITHMS[name](extrapolation), True)
     assert claimed == (2 if extrapolation == "fmu" else 1)
-    assert found[STATES + SHOWN] == pytest.approx([claimed] * 4, abs=0.05)
+    assert measured[STATES + DIRECT_OUTPUTS] == pytest.approx([claimed] * 4, abs=0.05)
 
 
 MULTIPLES = [{"b": 4}, {"a": 2}, {"a": 2, "b": 4}]
@@ -98,12 +98,12 @@ def test_slaves_that_step_more_rarely(
     name: str, extrapolation: str, multiples: Mapping[str, int], load_by_force: bool
 ) -> None:
     make: Callable[..., Algorithm] = ALGORITHMS[name]
-    found, claimed = orders(lambda: make(extrapolation, multiples), load_by_force, stop=2)
+    measured, claimed = orders(lambda: make(extrapolation, multiples), load_by_force, stop=2)
     direct = load_by_force and extrapolation == "master"
     assert claimed == (1 if direct or extrapolation == "none" else 2)
     # longer steps, longer terms of the next order
-    assert found[STATES] == pytest.approx([claimed] * 3, abs=0.15)
-    assert found[SHOWN] == pytest.approx(2 if extrapolation == "fmu" else 1, abs=0.15)
+    assert measured[STATES] == pytest.approx([claimed] * 3, abs=0.15)
+    assert measured[DIRECT_OUTPUTS] == pytest.approx(2 if extrapolation == "fmu" else 1, abs=0.15)
 
 
 @pytest.mark.parametrize(

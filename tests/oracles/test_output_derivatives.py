@@ -25,7 +25,7 @@ def move(session: Session, slave: FMU2Slave, **derivatives: tuple[float, ...]) -
 
 
 @pytest.mark.parametrize("model", OWN)
-def test_output_derivatives_are_those_of_differences(sessions: dict[str, Session], model: str) -> None:
+def test_output_derivatives_match_differences(sessions: dict[str, Session], model: str) -> None:
     """While the inputs move: central differences of sixth order over steps from one saved state."""
     session, facts, h = sessions[model], FACTS[model], 1e-4
     names = session.names("output")
@@ -41,10 +41,10 @@ def test_output_derivatives_are_those_of_differences(sessions: dict[str, Session
         slave.setFMUstate(saved)
         slave.doStep(0.3, (10 + k) * h)
         at[k] = np.array(session.get(slave, *names))
-    found = np.array(slopes(session, slave, *names))
+    actual = np.array(slopes(session, slave, *names))
     slave.freeFMUstate(saved)
     expected = (45.0 * (at[1] - at[-1]) - 9.0 * (at[2] - at[-2]) + (at[3] - at[-3])) / (60.0 * h)
-    error = np.abs(found - expected) / (np.abs(expected) + 1e-4 * np.abs(at[0]) + 1e-9)
+    error = np.abs(actual - expected) / (np.abs(expected) + 1e-4 * np.abs(at[0]) + 1e-9)
     assert dict(zip(names, error, strict=True)) == {n: pytest.approx(0.0, abs=1e-8) for n in names}
 
 
@@ -110,16 +110,16 @@ def test_output_derivatives_stay_between_communication_points(toy: Session) -> N
 
 
 def test_reading_output_derivatives_changes_nothing(toy: Session) -> None:
-    asked, other = toy.instance("asked"), toy.instance("other")
+    reading, silent = toy.instance("asked"), toy.instance("other")
     for k in range(3):
-        for slave in (asked, other):
+        for slave in (reading, silent):
             toy.set(slave, force=float(k))
             slave.doStep(0.1 * k, 0.1)
-        slopes(toy, asked, *TOY)
-        toy.get(asked, "der(x)")
-        toy.set(asked, force=99.0)
-        slopes(toy, asked, *TOY)
-    assert toy.get(asked, *TOY, "random") == toy.get(other, *TOY, "random")
+        slopes(toy, reading, *TOY)
+        toy.get(reading, "der(x)")
+        toy.set(reading, force=99.0)
+        slopes(toy, reading, *TOY)
+    assert toy.get(reading, *TOY, "random") == toy.get(silent, *TOY, "random")
 
 
 def test_output_derivatives_before_the_first_step(toy: Session) -> None:
@@ -131,9 +131,9 @@ def test_output_derivatives_before_the_first_step(toy: Session) -> None:
     assert slopes(toy, slave, "inverse", "power") == pytest.approx([2.0, power], rel=1e-15)
 
 
-def test_a_saved_state_contains_output_derivatives(toy: Session) -> None:
+def test_saved_state_contains_output_derivatives(toy: Session) -> None:
     """Also of inputs that moved, to which something else was done since."""
-    slave, other = toy.instance("slave"), toy.instance("other")
+    slave, second = toy.instance("slave"), toy.instance("other")
     move(toy, slave, force=(4.0, 8.0))
     slave.doStep(0.0, 0.5)
     before = slopes(toy, slave, *TOY)
@@ -141,12 +141,12 @@ def test_a_saved_state_contains_output_derivatives(toy: Session) -> None:
     saved = slave.getFMUstate()
     slave.doStep(0.5, 0.5)
     assert slopes(toy, slave, *TOY) != before
-    copy = other.deSerializeFMUstate(slave.serializeFMUstate(saved))
+    copy = second.deSerializeFMUstate(slave.serializeFMUstate(saved))
     slave.setFMUstate(saved)
-    other.setFMUstate(copy)
-    assert slopes(toy, slave, *TOY) == slopes(toy, other, *TOY) == before
+    second.setFMUstate(copy)
+    assert slopes(toy, slave, *TOY) == slopes(toy, second, *TOY) == before
     slave.freeFMUstate(saved)
-    other.freeFMUstate(copy)
+    second.freeFMUstate(copy)
 
 
 @pytest.mark.parametrize(

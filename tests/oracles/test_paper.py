@@ -142,9 +142,7 @@ def joint_parameters(joint: str) -> dict[str, dict[str, float]]:
 
 
 @pytest.mark.parametrize("joint", JOINTS)
-def test_parameters_of_a_joint_are_those_of_the_tables(
-    joint: str, simulated: dict[str, Mapping[str, Any]]
-) -> None:
+def test_parameters_of_a_joint_match_the_tables(joint: str, simulated: dict[str, Mapping[str, Any]]) -> None:
     for component, expected in joint_parameters(joint).items():
         values = dict.fromkeys(PLANT_STARTS, 0.0) | dict(simulated[f"{joint}.{component}"])
         assert {name: values[name] for name in expected} == pytest.approx(expected, rel=1e-14), component
@@ -154,7 +152,7 @@ def test_gains_of_the_experiments() -> None:
     assert {name: getattr(PUBLISHED["prototype"], name) for name in EXPERIMENT} == EXPERIMENT
 
 
-def test_the_experimental_emla() -> None:
+def test_experimental_emla() -> None:
     """With the flux read as rms, from which the rated torque follows."""
     printed = TABLE_VII
     expected = {

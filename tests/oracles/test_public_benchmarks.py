@@ -55,8 +55,8 @@ def test_errors_of_the_crane(
         algorithm=algorithm, extrapolation=extrapolation, step_size=step, output_interval=max(step, 0.01)
     )
     exact = crane.solution()[:: round(max(step, 0.01) / 0.01), 1]
-    found = np.abs(np.asarray(result["crane.mechanics.s"]) - exact).max()
-    assert found == pytest.approx(error, rel=0.15)
+    actual = np.abs(np.asarray(result["crane.mechanics.s"]) - exact).max()
+    assert actual == pytest.approx(error, rel=0.15)
     # Jacobi at 10 ms uses forces that are off by 6 %, although the length is right to 0.8 %
     has_remark = any("Coupling error" in remark for remark in result.remarks)
     if error > 1e-3 or algorithm == "jacobi":
@@ -104,10 +104,10 @@ def test_errors_of_the_oscillator(
     """In steps of 1 ms, as a part of each signal's range; energy should neither come nor go."""
     result = swinging.run(algorithm=algorithm, extrapolation=extrapolation, output_interval=0.01)
     names = [f"oscillator.{name}" for name in ("left.x", "right.x", "left.v", "right.v")]
-    found = np.column_stack([result[name] for name in names])
+    actual = np.column_stack([result[name] for name in names])
     exact = oscillator.solution(np.asarray(result["time"]))
-    assert (np.abs(found - exact) / np.ptp(exact, axis=0)).max() == pytest.approx(error, rel=0.05)
-    energy = oscillator.energy(found)
+    assert (np.abs(actual - exact) / np.ptp(exact, axis=0)).max() == pytest.approx(error, rel=0.05)
+    energy = oscillator.energy(actual)
     assert energy[-1] / energy[0] - 1.0 == pytest.approx(gained, rel=0.05)
     estimated = result.record["coupling"]["estimated_error"]
     assert error / 3.0 < estimated < 3.0 * error

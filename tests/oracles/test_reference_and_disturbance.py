@@ -55,17 +55,17 @@ def test_speed_and_acceleration_are_the_derivatives(
     x += [x[-1]] * (MOVES + 1 - len(x))
     start += [t] * (MOVES - len(start))
     duration += [1.0] * (MOVES - len(duration))
-    given_ = {"x": x, "start": start, "duration": duration}
+    profile = {"x": x, "start": start, "duration": duration}
     h = 1e-4
     corners = np.array([c for s, T in zip(start, duration, strict=True) for c in (s, s + T)])
     if np.abs(corners - time).min() < 2 * h:
         return
-    before, here, after = (evaluate(time + d, **given_) for d in (-h, 0.0, h))
-    assert here["v_d"] == pytest.approx((after["x_d"] - before["x_d"]) / (2 * h), abs=1e-3)
-    assert here["a_d"] == pytest.approx((after["v_d"] - before["v_d"]) / (2 * h), abs=1e-1)
+    before, middle, after = (evaluate(time + d, **profile) for d in (-h, 0.0, h))
+    assert middle["v_d"] == pytest.approx((after["x_d"] - before["x_d"]) / (2 * h), abs=1e-3)
+    assert middle["a_d"] == pytest.approx((after["v_d"] - before["v_d"]) / (2 * h), abs=1e-1)
 
 
-def test_a_rest_to_rest_move_meets_its_ends_and_its_peak_speed() -> None:
+def test_rest_to_rest_move_meets_its_ends_and_its_peak_speed() -> None:
     move = rest_to_rest(0.244, 0.270, 0.0607)
     T = move["duration"][0]
     assert pytest.approx(0.80, abs=0.005) == T
@@ -79,20 +79,20 @@ def test_a_rest_to_rest_move_meets_its_ends_and_its_peak_speed() -> None:
 def test_equations_98_and_99_as_printed(joint: str) -> None:
     """With the parameters of the scenario that has the paper's; tilt's d_2 has a random part from 0 to 2."""
     t, v_L = np.arange(0, 1.0, 0.05), 0.05
-    given = load("published").system.component(f"{joint}.disturbance").parameters
-    found = outputs_at(t, 0.01, {**given, "v_L": v_L})
+    parameters = load("published").system.component(f"{joint}.disturbance").parameters
+    outputs = outputs_at(t, 0.01, {**parameters, "v_L": v_L})
     sines = {
         "lift": 0.8 * np.sin(8 * t) + 0.7 * np.sin(20 * t) + 1.2 * np.arctan(v_L) * np.exp(-3 * t),
         "tilt": 0.8 * np.sin(7 * t) + 0.95 * np.sin(18 * t),
         "telescope": 0.9 * np.sin(65 * t) - 0.3 * np.sin(50 * t + np.pi / 4),
     }[joint]
-    random = found.d_2 - sines
+    random = outputs.d_2 - sines
     if joint == "tilt":
         assert 0.0 < random.min() < 0.4 and 1.6 < random.max() < 2.0
     else:
         assert random == pytest.approx(np.zeros_like(t), abs=1e-12)
-    assert found.d_3 == pytest.approx(0.42 * np.cos(8 * t + np.pi / 3) + 0.032 * np.sin(5 * t), abs=1e-12)
-    assert found.d_4 == pytest.approx(-0.15 * np.cos(12 * t + np.pi / 6), abs=1e-12)
+    assert outputs.d_3 == pytest.approx(0.42 * np.cos(8 * t + np.pi / 3) + 0.032 * np.sin(5 * t), abs=1e-12)
+    assert outputs.d_4 == pytest.approx(-0.15 * np.cos(12 * t + np.pi / 6), abs=1e-12)
 
 
 def test_random_part_is_uniform_held_and_seeded() -> None:
@@ -102,8 +102,8 @@ def test_random_part_is_uniform_held_and_seeded() -> None:
     assert first.mean() == pytest.approx(1.0, abs=4 * 2 / np.sqrt(12 * len(times)))
     assert len(np.unique(first)) == len(first)
     assert np.array_equal(first, outputs_at(times, 1e-4, {"d_2.high": 2.0}).d_2)
-    other = outputs_at(times, 1e-4, {"d_2.high": 2.0, "d_2.seed": 5}).d_2
-    assert not np.isin(first, other).any()
+    with_another_seed = outputs_at(times, 1e-4, {"d_2.high": 2.0, "d_2.seed": 5}).d_2
+    assert not np.isin(first, with_another_seed).any()
 
 
 def test_random_values_hold_for_their_sample_time_whatever_the_step() -> None:
@@ -123,13 +123,13 @@ def test_before_zero_the_first_random_value_holds() -> None:
             values.append(instance["d_2"])
         return values
 
-    early, usual = drawn(-0.01, 200), drawn(0.0, 100)
-    assert early[:100] == [usual[0]] * 100
-    assert early[100:] == usual
-    assert len(set(usual)) == 101
+    from_before_zero, from_zero = drawn(-0.01, 200), drawn(0.0, 100)
+    assert from_before_zero[:100] == [from_zero[0]] * 100
+    assert from_before_zero[100:] == from_zero
+    assert len(set(from_zero)) == 101
 
 
-def test_read_as_force_the_disturbance_leaves_the_acceleration_alone() -> None:
+def test_disturbance_as_force_does_not_act_as_acceleration() -> None:
     t = np.arange(0, 1.0, 0.05)
     values = {"d_2.amplitude": [0.8, 0.7], "d_2.omega": [8.0, 20.0], "load.level": [1e3] * LEVELS}
     force, acceleration = (outputs_at(t, 0.01, {**values, "d_2.is_force": x}) for x in (True, False))

@@ -20,16 +20,16 @@ LARGEST_FILE = 150_000
 
 
 def table(model: str, kind: str) -> Any:
-    """A file as a structured array, None where there is none."""
+    """A file as a structured array, None without such a file."""
     path = FMUS / model / f"{model}_{kind}.csv"
     return read_csv(path) if path.is_file() else None
 
 
-def differences(found: Any, expected: Any) -> dict[str, float]:
+def differences(actual: Any, expected: Any) -> dict[str, float]:
     """Largest difference of every column, per its largest value."""
     largest = {name: float(np.abs(expected[name]).max()) or 1.0 for name in expected.dtype.names}
     return {
-        name: float(np.abs(found[name] - expected[name]).max()) / scale for name, scale in largest.items()
+        name: float(np.abs(actual[name] - expected[name]).max()) / scale for name, scale in largest.items()
     }
 
 
@@ -45,7 +45,7 @@ def test_fmu_gives_the_reference_solution(model: str, flavour: str, request: pyt
     outputs = [name for name in expected.dtype.names if name != "time"]
     # fmpy sets inputs at the start of a step to what it interpolates for that time. Steps begin at
     # the rows of the file, so this is the row's value (to the rounding of times), held over the step.
-    found = fmpy.simulate_fmu(
+    rows = fmpy.simulate_fmu(
         str(fmu),
         start_time=options["StartTime"],
         stop_time=options["StopTime"],
@@ -55,8 +55,8 @@ def test_fmu_gives_the_reference_solution(model: str, flavour: str, request: pyt
         input=table(model, "in"),
         output=outputs,
     )
-    assert len(found) == len(expected)
-    too_large = {n: d for n, d in differences(found, expected).items() if d > make_references.RELATIVE[model]}
+    assert len(rows) == len(expected)
+    too_large = {n: d for n, d in differences(rows, expected).items() if d > make_references.RELATIVE[model]}
     assert too_large == {}
 
 

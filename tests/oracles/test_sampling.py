@@ -66,31 +66,31 @@ def test_sampled_controller_adds_no_delay(kind: type[Algorithm], late: int) -> N
     rows = simulated(loop(), algorithm, make_communication_points(STEPS * STEP, STEP))
     expected = by_hand(late)
     assert np.abs(rows[:, 1:] - expected).max() < 1e-12 * np.abs(expected).max()
-    assert np.abs(by_hand(0) - by_hand(1)).max() > 1e-3  # so that the two can be told apart
+    assert np.abs(by_hand(0) - by_hand(1)).max() > 1e-3  # so that the two differ
 
 
 def test_slow_slave_that_is_first_in_the_order_is_late_by_a_short_step() -> None:
     algorithm = GaussSeidel(step_multiples={"controller": MULTIPLE}, order=["controller", "plant"])
     rows = simulated(loop(), algorithm, make_communication_points(STEPS * STEP, STEP))[:, 1:]
     # the force of a sample drives the plant in the same pass already
-    shown = np.abs(np.diff(rows[:, 2])) > 0.0
-    assert (np.flatnonzero(shown) + 1).tolist() == list(range(MULTIPLE, STEPS + 1, MULTIPLE))
+    has_changed = np.abs(np.diff(rows[:, 2])) > 0.0
+    assert (np.flatnonzero(has_changed) + 1).tolist() == list(range(MULTIPLE, STEPS + 1, MULTIPLE))
     k = MULTIPLE
     position, speed = rows[k - 1, :2]
     assert rows[k, 2] == pytest.approx(-(KP + KI * MULTIPLE * STEP) * position - KD * speed, rel=1e-12)
 
 
 def test_long_steps_begin_and_end_at_communication_points() -> None:
-    taken: list[tuple[float, float]] = []
+    spans: list[tuple[float, float]] = []
 
     def noted(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
-        taken.append((time, time + step))
+        spans.append((time, time + step))
         return x
 
     slave = FakeSlave("slow", 0, [0.0], noted)
     algorithm = Jacobi(step_multiples={"slow": 3})
     simulated(Network([slave], []), algorithm, make_communication_points(1.1, 0.1))
-    assert taken == [(0.0, 0.3), (0.3, 0.6), (0.6, 0.9)]
+    assert spans == [(0.0, 0.3), (0.3, 0.6), (0.6, 0.9)]
 
 
 # ---- inputs that follow lines ------------------------------------------------------------------
@@ -124,8 +124,8 @@ def test_late_line_is_extrapolated_by_a_short_step() -> None:
     """`jacobi`: from the sample of a short step ago, along the chord over the three steps before it."""
     newest = np.array(SIGNAL[2::3])
     before = np.array([SIGNAL[0], *newest[:-1]])
-    apart = np.array([1.0, *[1.5] * (len(newest) - 1)])
-    middle = newest + (0.5 - 0.75) * (newest - before) / apart
+    distances = np.array([1.0, *[1.5] * (len(newest) - 1)])
+    middle = newest + (0.5 - 0.75) * (newest - before) / distances
     expected = [0.0, *np.cumsum(1.5 * middle)]
     assert integrated(Jacobi("fmu", JUMPING))[::3] == pytest.approx(expected, abs=1e-12)
 
@@ -229,7 +229,7 @@ def test_sampled_slaves_follow_each_other_without_delay() -> None:
         "fault.step",
         "controller.step",
     ]
-    # controller, fault, observer, plant: everybody shows the time, the controller at every other point
+    # controller, fault, observer, plant: each shows the time, the controller at every other point
     assert rows[:, 1].tolist() == [0.0, 0.0, 0.5, 0.5, 1.0]
     assert (rows[:, 2:] == rows[:, :1]).all()
     assert algorithm.late() == [links[3]]

@@ -54,10 +54,10 @@ def test_run_and_size_agree(
     joint: str, values: dict[str, Any], size: Callable[..., ec.SizeResult], fmu_folder: Path
 ) -> None:
     """The torque of the run, with whatever losses its plant has, is that of the sizing."""
-    given: dict[str, Any] = {"set": {f"{joint}.plant.{name}": x for name, x in values.items()}}
-    figures = size(joint, lead_in=0.0, stop_time=1.5, **given)[joint].figures
-    given |= {"stop_time": 1.5, "output_interval": 1e-4, "fmus": fmu_folder}
-    run = ec.load(joint, **given).prepare().run()
+    options: dict[str, Any] = {"set": {f"{joint}.plant.{name}": x for name, x in values.items()}}
+    figures = size(joint, lead_in=0.0, stop_time=1.5, **options)[joint].figures
+    options |= {"stop_time": 1.5, "output_interval": 1e-4, "fmus": fmu_folder}
+    run = ec.load(joint, **options).prepare().run()
     torque, power = run[f"{joint}.plant.tau_m"], run[f"{joint}.plant.P_el"]
     assert figures.torque_rms_N_m == pytest.approx(rms(run.time, torque), rel=1e-9)
     assert figures.torque_peak_N_m == pytest.approx(np.abs(torque).max(), rel=1e-9)
@@ -101,14 +101,14 @@ def test_torque_equals_that_of_ideal_tracking(
 
 @pytest.mark.parametrize("joint", ["lift", "telescope"])
 def test_effect_of_the_other_losses_equals_their_run(joint: str, size: Callable[..., ec.SizeResult]) -> None:
-    one = size(joint, stop_time=1.0, set=shuttle(joint, 0.02, False))[joint].losses
-    other = size(joint, stop_time=1.0, set=shuttle(joint, 0.02, True))[joint].losses
-    assert one.other_torque_rms_N_m == pytest.approx(other.torque_rms_N_m, rel=1e-3)
-    assert other.other_torque_rms_N_m == pytest.approx(one.torque_rms_N_m, rel=1e-3)
-    assert one.setting == f"{joint}.plant.gearbox.directional=true"
-    assert other.setting == f"{joint}.plant.gearbox.directional=false"
-    assert f"they {one.other_convention}: rms torque" in one.sentence
-    assert one.torque_rms_N_m > 1.02 * other.torque_rms_N_m
+    symmetric = size(joint, stop_time=1.0, set=shuttle(joint, 0.02, False))[joint].losses
+    directional = size(joint, stop_time=1.0, set=shuttle(joint, 0.02, True))[joint].losses
+    assert symmetric.other_torque_rms_N_m == pytest.approx(directional.torque_rms_N_m, rel=1e-3)
+    assert directional.other_torque_rms_N_m == pytest.approx(symmetric.torque_rms_N_m, rel=1e-3)
+    assert symmetric.setting == f"{joint}.plant.gearbox.directional=true"
+    assert directional.setting == f"{joint}.plant.gearbox.directional=false"
+    assert f"they {symmetric.other_convention}: rms torque" in symmetric.sentence
+    assert symmetric.torque_rms_N_m > 1.02 * directional.torque_rms_N_m
 
 
 def test_losses_without_an_alternative(size: Callable[..., ec.SizeResult]) -> None:
@@ -119,16 +119,16 @@ def test_losses_without_an_alternative(size: Callable[..., ec.SizeResult]) -> No
     assert machine.setting is None and "if they oppose the motion" in machine.sentence
 
 
-def test_disturbance_is_part_of_what_a_motion_requires(size: Callable[..., ec.SizeResult]) -> None:
+def test_required_torque_includes_the_disturbance(size: Callable[..., ec.SizeResult]) -> None:
     """A lift that cannot follow: figures are those of the plant's equation, with its disturbance."""
     wave = {"lift.disturbance.d_2.amplitude[1]": 1.0, "lift.disturbance.d_2.omega[1]": 2.0 * math.pi}
     broken = {"lift.plant.motor.i_max": 1.0}
     values = shuttle("lift", 0.01, False) | wave
     run = size("lift", stop_time=1.0, set=values)["lift"]
-    lost = size("lift", stop_time=1.0, set=values | broken)["lift"]
-    assert lost.required and not run.required
+    tripped = size("lift", stop_time=1.0, set=values | broken)["lift"]
+    assert tripped.required and not run.required
     for name, rel in (("torque_rms_N_m", 2e-3), ("electrical_power_peak_W", 0.02)):
-        assert getattr(lost.figures, name) == pytest.approx(getattr(run.figures, name), rel=rel)
+        assert getattr(tripped.figures, name) == pytest.approx(getattr(run.figures, name), rel=rel)
 
 
 def test_rigid_limit_of_a_compliant_plant() -> None:
@@ -142,7 +142,7 @@ def test_rigid_limit_of_a_compliant_plant() -> None:
     assert torque == pytest.approx((alpha * sheet.J_m + sheet.M_BS / alpha + 500.0 / (0.8 * alpha)) * a)
 
 
-def test_axial_force_of_a_compliant_plant_is_that_of_its_transmission(
+def test_axial_force_of_a_compliant_plant_matches_its_transmission(
     size: Callable[..., ec.SizeResult], fmu_folder: Path
 ) -> None:
     cycle = size("study-compliant", lead_in=0.0, stop_time=0.4)["telescope"].cycle
@@ -176,7 +176,7 @@ def test_time_of_a_trip_in_pulses(threshold: float) -> None:
     assert motor.time_until_rise(time, rise, 20.0, threshold) == pytest.approx(t, abs=0.03)
 
 
-def test_tilt_of_the_study_is_too_hot(size: Callable[..., ec.SizeResult]) -> None:
+def test_tilt_of_the_study_exceeds_its_temperature_limit(size: Callable[..., ec.SizeResult]) -> None:
     """Its plant has thermal data: 1.79 times its rated losses, and a trip after 158 s in a long run."""
     result = size("study-drive")
     tilt = result["tilt"]
@@ -187,12 +187,10 @@ def test_tilt_of_the_study_is_too_hot(size: Callable[..., ec.SizeResult]) -> Non
     assert any("trips after 159" in remark for remark in tilt.remarks)
     for joint in ("lift", "telescope"):
         assert result[joint].figures.trip_time_s == math.inf
-        assert "winding temperature rise" in [one.name for one in result[joint].limits]
+        assert "winding temperature rise" in [limit.name for limit in result[joint].limits]
 
 
-def test_trip_in_the_run_is_a_limit_not_a_lost_motion(
-    size: Callable[..., ec.SizeResult], fmu_folder: Path
-) -> None:
+def test_trip_in_the_run_is_reported_as_a_limit(size: Callable[..., ec.SizeResult], fmu_folder: Path) -> None:
     """With a short time constant the joint trips in the run; its figures are still those of the run."""
     values = shuttle("telescope", -0.03, True) | {
         "telescope.plant.motor.i_N": 3.0,
@@ -212,7 +210,7 @@ def test_missing_thermal_data_are_named(emla: Emla) -> None:
     run = ("size", "telescope", "--stop-time", "0.4", "--lead-in", "0", "--no-plots", "--output", "out")
     result = emla(*run, "--report")
     record = json.loads(Path("out/size.json").read_text())["candidates"][0]["joints"]["telescope"]
-    missing = {one["name"]: one["missing"] for one in record["not_examined"]}["winding temperature"]
+    missing = {entry["name"]: entry["missing"] for entry in record["not_examined"]}["winding temperature"]
     for name in ("[thermal] in the data sheet", "telescope.plant.motor.i_N", "telescope.plant.motor.tau_th"):
         assert name in missing
     assert "[thermal]" in result.stdout and record["winding"] is None
@@ -239,12 +237,12 @@ def test_warm_resistance_adds_to_the_losses(size: Callable[..., ec.SizeResult]) 
 def test_drawn_limits_are_the_judged_ones(size: Callable[..., ec.SizeResult]) -> None:
     sizing = size("study-drive", stop_time=0.5)["tilt"]
     torque, _, temperature, *_ = draw_motor({"": sizing}).axes
-    judged, drawn = {one.name: one.limit for one in sizing.limits}, dict[str, float]()
+    examined, drawn = {limit.name: limit.limit for limit in sizing.limits}, dict[str, float]()
     for axes in (torque, temperature):
         labels = [text.get_text() for text in axes.get_legend().get_texts()]
         drawn |= {name: line.get_ydata()[0] for name, line in zip(labels, axes.lines, strict=True)}
-    assert drawn["limit of the rms torque"] == pytest.approx(judged["rms torque"])
-    assert drawn["permitted rise"] == judged["winding temperature rise"]
+    assert drawn["limit of the rms torque"] == pytest.approx(examined["rms torque"])
+    assert drawn["permitted rise"] == examined["winding temperature rise"]
     assert isinstance(sizing.winding, Winding)
     assert drawn["trip"] == pytest.approx(1.05 * sizing.winding.permitted_rise)
     assert temperature.get_ylim()[1] > sizing.winding.trip_rise

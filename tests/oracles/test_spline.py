@@ -1,4 +1,4 @@
-"""B-splines: the block against SciPy, and what is no spline."""
+"""B-splines: the block against SciPy, and invalid splines."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ from tests.support.in_process import started
 OUTPUTS = [f"{name}[{i}]" for name in ("x_d", "v_d", "a_d") for i in (1, 2, 3)]
 
 
-def shown(spline: Spline, time: float) -> np.ndarray:
+def evaluate_block(spline: Spline, time: float) -> np.ndarray:
     """Positions, speeds and accelerations of the block at a time: three rows."""
     block = started(Trajectory, trajectory_parameters(spline), time)
     return np.array(block.get([block.layout.reference(n) for n in OUTPUTS])).reshape(3, 3)
@@ -39,25 +39,25 @@ def a_spline(degree: int, inner: list[float], seed: int = 1) -> Spline:
     st.floats(0.5, 9.5),
 )
 @settings(max_examples=200)
-def test_the_block_is_scipys_spline(
-    degree: int, places: list[float], which: int, twice: bool, time: float
+def test_block_is_scipys_spline(
+    degree: int, positions: list[float], which: int, twice: bool, time: float
 ) -> None:
     """Between knots of any degree and number, some twice, and at them."""
-    inner = sorted([*places, *(places[:1] if twice else [])])
+    inner = sorted([*positions, *(positions[:1] if twice else [])])
     spline = a_spline(degree, inner)
     if which < len(inner):
         time = inner[which]
     table = np.column_stack([spline.coefficients[joint] for joint in JOINTS])
     curve = BSpline(np.array(spline.knots), table, degree)
-    found = shown(spline, time)
+    actual = evaluate_block(spline, time)
     for order in range(3):
         expected = curve(time, nu=order) if order <= degree else np.zeros(3)
         spans = np.diff(np.unique(spline.knots)).min()
-        assert found[order] == pytest.approx(expected, rel=1e-9, abs=1e-9 / min(spans, 1.0) ** order)
+        assert actual[order] == pytest.approx(expected, rel=1e-9, abs=1e-9 / min(spans, 1.0) ** order)
 
 
 @given(st.integers(1, 5), st.lists(st.sampled_from([0.7, 2.0, 2.0 + 1e-3, 5.5, 9.0]), max_size=20))
-def test_all_derivatives_are_those_of_scipys_spline(degree: int, inner: list[float]) -> None:
+def test_all_derivatives_match_scipys_spline(degree: int, inner: list[float]) -> None:
     """Also at knots, with up to as many equal ones as a spline can have."""
     inner = [knot for knot in sorted(set(inner)) for _ in range(min(inner.count(knot), degree + 1))]
     spline = a_spline(degree, inner)
@@ -75,14 +75,14 @@ def test_all_derivatives_are_those_of_scipys_spline(degree: int, inner: list[flo
 def test_beyond_its_ends_it_holds_still() -> None:
     spline = a_spline(5, [3.0, 4.0])
     for time, end in ((0.0, 0), (0.5 - 1e-6, 0), (9.5 + 1e-6, -1), (1e6, -1)):
-        found = shown(spline, time)
-        assert found[0].tolist() == [spline.coefficients[joint][end] for joint in JOINTS]
-        assert not found[1:].any()
+        actual = evaluate_block(spline, time)
+        assert actual[0].tolist() == [spline.coefficients[joint][end] for joint in JOINTS]
+        assert not actual[1:].any()
     for time in (0.5, 9.5, 9.5 + 5e-10):  # what a tool that sums up its time calls the end
-        assert shown(spline, time)[1].all()
+        assert evaluate_block(spline, time)[1].all()
 
 
-# ---- what is no spline -------------------------------------------------------------------------
+# ---- invalid splines ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -94,16 +94,16 @@ def test_beyond_its_ends_it_holds_still() -> None:
         ({"degree": 6}, "degree = 6 is outside its range, 1 to 5"),
     ],
 )
-def test_the_block_refuses_wrong_knots(values: dict[str, Any], words: str) -> None:
+def test_block_refuses_invalid_knots(values: dict[str, Any], words: str) -> None:
     with pytest.raises(BlockError, match=words):
         started(Trajectory, values)
 
 
-def test_the_block_takes_as_much_as_it_has_room_for() -> None:
+def test_block_takes_as_much_as_it_has_room_for() -> None:
     inner = np.linspace(0.6, 9.4, COEFFICIENTS - 6)
     spline = a_spline(5, inner.tolist())
     assert len(trajectory_parameters(spline)) == 1 + KNOTS + 3 * COEFFICIENTS
-    assert shown(spline, 9.3)[0] == pytest.approx(spline.evaluated([9.3])[0], rel=1e-12)
+    assert evaluate_block(spline, 9.3)[0] == pytest.approx(spline.evaluated([9.3])[0], rel=1e-12)
     with pytest.raises(TrajectoryError, match=r"49 coefficients per joint; .* has room for 48"):
         trajectory_parameters(a_spline(5, [*inner, 9.45]))
 
@@ -146,7 +146,7 @@ BAD: list[tuple[object, str]] = [
 
 
 @pytest.mark.parametrize(("document", "words"), BAD)
-def test_wrong_trajectories_give_one_message(document: object, words: str) -> None:
+def test_invalid_trajectories_give_one_message(document: object, words: str) -> None:
     with pytest.raises(TrajectoryError, match=words) as caught:
         spline_of(document)
     assert str(caught.value).endswith(".")
@@ -155,14 +155,14 @@ def test_wrong_trajectories_give_one_message(document: object, words: str) -> No
 
 def test_joints_of_any_machine() -> None:
     spline = Spline(1, [0.0, 0.0, 2.0, 2.0], {"luff": [0.1, 0.3], "fold": [0.5, 0.4]})
-    made = type("CraneTrajectory", (trajectory_block(spline.joints, {"fold": (0.2, 0.2)}),), {})
-    block = started(made, trajectory_parameters(spline), 1.0)
+    trajectory = type("CraneTrajectory", (trajectory_block(spline.joints, {"fold": (0.2, 0.2)}),), {})
+    block = started(trajectory, trajectory_parameters(spline), 1.0)
     assert block["x_d[1]"] == pytest.approx(0.2)
     assert block["v_d[2]"] == pytest.approx(-0.05)
-    resting = started(made, {}, 1.0)
+    resting = started(trajectory, {}, 1.0)
     assert [resting[name] for name in ("x_d[1]", "x_d[2]", "v_d[2]")] == pytest.approx([0.0, 0.2, 0.0])
-    other = spline.ordered(["fold", "luff"])
-    assert other.evaluated([1.0]) == pytest.approx(np.array([[0.45, 0.2]]))
+    reordered = spline.ordered(["fold", "luff"])
+    assert reordered.evaluated([1.0]) == pytest.approx(np.array([[0.45, 0.2]]))
     with pytest.raises(TrajectoryError, match=r"are of .'luff', 'fold'.; they must be of fold, tilt"):
         spline.ordered(["fold", "tilt"])
 
@@ -171,7 +171,7 @@ def test_other_entries_of_a_file_do_not_matter() -> None:
     assert spline_of(changed(author="somebody")) == spline_of(changed())
 
 
-def test_the_default_keeps_to_the_papers_ends() -> None:
+def test_default_keeps_to_the_papers_ends() -> None:
     """Table II, the telescope's end speed clipped to its bound."""
     spline = default_spline()
     assert (spline.start, spline.end) == (0.0, 37.7)

@@ -60,7 +60,7 @@ def test_lever_acts_at_each_instant_of_a_long_step(fmu_folder: Path) -> None:
     assert rows["load.force"] == pytest.approx(lever(rows["x_L"]), rel=1e-3)
 
 
-def test_forces_are_those_of_a_machine_with_one_actuator() -> None:
+def test_forces_match_a_machine_with_one_actuator() -> None:
     """The lift table at rest, at strokes between the points of the table."""
     model = MachineModel(load_machine("lift_table"))
 

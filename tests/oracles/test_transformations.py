@@ -88,13 +88,13 @@ def network(
 
     Transformations are given in the order of `WIRES`.
     """
-    swing, mass, other = [[0, 1.5], [-1.5, 0]], [[0, 1], [-4, -0.3]], [[0, 1], [-3, -0.4]]
+    swing, mass, second = [[0, 1.5], [-1.5, 0]], [[0, 1], [-4, -0.3]], [[0, 1], [-3, -0.4]]
     B_a, B_b = [[0, 0], [1, 1]], [[0, 0], [2, 0.4]]
     C_b, D_b = [[1, 0], [1, 0.2]], [[0, 0], [-1, -0.2]]
     slaves = [
         Speaking("source", swing, [], [1, 0], np.empty((1, 0)), [0, 1], gains=gains[0]),
         Speaking("a", mass, B_a, np.eye(2), np.zeros((2, 2)), [1, 0], wants=in_slaves[2:], gains=gains[1]),
-        Speaking("b", other, B_b, C_b, D_b, [0, 0.5], wants=in_slaves[:2], gains=gains[2]),
+        Speaking("b", second, B_b, C_b, D_b, [0, 0.5], wants=in_slaves[:2], gains=gains[2]),
     ]
     links = zip(connected(slaves, WIRES).links, on_links, strict=True)
     return Network(slaves, [replace(link, factor=factor, offset=offset) for link, (factor, offset) in links])
@@ -117,21 +117,23 @@ def test_transformation_on_a_link_or_in_its_target_is_the_same(
     transformed: str, way: str, extrapolation: str
 ) -> None:
     transformations = ON_LINKS[transformed]
-    found = run(network(transformations), way, extrapolation)
+    actual = run(network(transformations), way, extrapolation)
     expected = run(network(NO_TRANSFORMATIONS, transformations), way, extrapolation)
-    assert found.shape == expected.shape and (found == expected).all()
-    assert np.ptp(found[:, 2]) > 0.1
+    assert actual.shape == expected.shape and (actual == expected).all()
+    assert np.ptp(actual[:, 2]) > 0.1
     without = run(network(NO_TRANSFORMATIONS), way, extrapolation)
-    assert found.shape != without.shape or np.abs(found - without).max() > 0.1
+    assert actual.shape != without.shape or np.abs(actual - without).max() > 0.1
 
 
 @all_pairs
 def test_units_of_powers_of_two_change_no_bit(way: str, extrapolation: str) -> None:
     """Sources are in other units, and links convert; the motion is the same, also in its steps."""
     factors = [4.0, 2.0**-20, 64.0, 1.0, 0.125]
-    source, *others = factors
-    gains = [source, np.array(others[:2]), np.array(others[2:])]
-    translated = [(1.0 / factor, 0.0) for factor in (others[0], others[1], others[3], source)]
+    source, *mass_factors = factors
+    gains = [source, np.array(mass_factors[:2]), np.array(mass_factors[2:])]
+    translated = [
+        (1.0 / factor, 0.0) for factor in (mass_factors[0], mass_factors[1], mass_factors[3], source)
+    ]
     rows = run(network(translated, gains=gains), way, extrapolation)
     rows[:, 1:] /= factors
     expected = run(network(NO_TRANSFORMATIONS), way, extrapolation)
@@ -142,17 +144,17 @@ def test_units_of_powers_of_two_change_no_bit(way: str, extrapolation: str) -> N
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("other", [(1.0, 0.0), (2.0, 1.0)])
-def test_plain_links_pass_on_every_bit(other: Transformation, way: str) -> None:
+@pytest.mark.parametrize("transformation", [(1.0, 0.0), (2.0, 1.0)])
+def test_plain_links_pass_on_every_bit(transformation: Transformation, way: str) -> None:
     """Also the sign of zero, and beside a link that is none."""
     values = [-0.0, 0.0, 5e-324, -1.7976931348623157e308, 0.1]
     source = FakeSlave("source", 0, values, lambda u, x, t, h: x)
     reader = FakeSlave("reader", len(values) + 1, [0.0], lambda u, x, t, h: x)
     links = [Link(0, i, 1, i, False) for i in range(len(values))]
-    links.append(Link(0, 4, 1, 5, False, True, *other))
+    links.append(Link(0, 4, 1, 5, False, True, *transformation))
     run(Network([source, reader], links), way, "none")
     assert reader.held[:-1].tobytes() == np.array(values).tobytes()
-    assert reader.held[-1] == other[0] * 0.1 + other[1]
+    assert reader.held[-1] == transformation[0] * 0.1 + transformation[1]
 
 
 # ---- initial values ----------------------------------------------------------------------------
@@ -160,40 +162,40 @@ def test_plain_links_pass_on_every_bit(other: Transformation, way: str) -> None:
 
 def gate(name: str, output: Any, start: float = 0.0) -> tuple[FakeSlave, list[float]]:
     """A slave whose output is a function of its input, and the inputs that it saw."""
-    seen: list[float] = []
+    received: list[float] = []
     slave = FakeSlave(
-        name, 1, [0.0], lambda u, x, t, h: x, lambda u, x: [(seen.append(u[0]), output(u[0]))[1]]
+        name, 1, [0.0], lambda u, x, t, h: x, lambda u, x: [(received.append(u[0]), output(u[0]))[1]]
     )
     slave.inputs[:] = start
-    del seen[:]
-    return slave, seen
+    del received[:]
+    return slave, received
 
 
 @pytest.mark.parametrize(("factor", "offset"), [(2.0, 0.0), (-0.25, 3.0), (1.0, 8.0)])
 def test_start_values_replace_transformed_values(factor: float, offset: float) -> None:
     """The slave sees its own start value before its source has given a value."""
-    (a, seen), (b, _) = gate("a", lambda u: 5.0, start=7.0), gate("b", lambda u: 2.0 * u)
+    (a, received), (b, _) = gate("a", lambda u: 5.0, start=7.0), gate("b", lambda u: 2.0 * u)
     links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, False, factor, offset)]
     begun(Network([a, b], links), Jacobi(), make_communication_points(1.0, 0.1))
-    assert list(dict.fromkeys(seen)) == [7.0, factor * 10.0 + offset]
+    assert list(dict.fromkeys(received)) == [7.0, factor * 10.0 + offset]
     assert (a.held[0], b.held[0]) == (factor * 10.0 + offset, 5.0)
 
 
 @pytest.mark.parametrize("start", [-0.0, 0.1, 5e-324])
 def test_start_values_of_plain_links_keep_every_bit(start: float) -> None:
-    (a, seen), (b, _) = gate("a", lambda u: 5.0, start=start), gate("b", lambda u: 2.0 * u)
+    (a, received), (b, _) = gate("a", lambda u: 5.0, start=start), gate("b", lambda u: 2.0 * u)
     links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, initial=False)]
     begun(Network([a, b], links), Jacobi(), make_communication_points(1.0, 0.1))
-    assert list(dict.fromkeys(map(repr, seen))) == [repr(np.float64(start)), repr(np.float64(10.0))]
+    assert list(dict.fromkeys(map(repr, received))) == [repr(np.float64(start)), repr(np.float64(10.0))]
 
 
 def test_input_with_factor_0_needs_no_start_value() -> None:
     """A factor of 0 has no inverse."""
-    (a, seen), (b, _) = gate("a", lambda u: 5.0, start=7.0), gate("b", lambda u: 2.0 * u)
+    (a, received), (b, _) = gate("a", lambda u: 5.0, start=7.0), gate("b", lambda u: 2.0 * u)
     links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, False, 0.0, 3.0)]
     with np.errstate(all="raise"):
         network = begun(Network([a, b], links), Jacobi(), make_communication_points(1.0, 0.1)).network
-    assert set(seen) == {3.0}
+    assert set(received) == {3.0}
     assert network.signals.tolist() == [5.0, 10.0]
 
 

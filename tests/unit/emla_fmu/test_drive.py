@@ -32,7 +32,7 @@ def started(values: Mapping[str, Any], time: float = 0.0) -> Instance:
     return in_process.started(EmlaPlant, values, time, "plant")
 
 
-def moved(plant: Instance, demands: Iterable[tuple[float, float]], h: float = H) -> list[list[float]]:
+def run_steps(plant: Instance, demands: Iterable[tuple[float, float]], h: float = H) -> list[list[float]]:
     """States after each step with these voltages demanded."""
     rows = []
     for u_q, u_d in demands:
@@ -48,19 +48,19 @@ def moved(plant: Instance, demands: Iterable[tuple[float, float]], h: float = H)
 @pytest.mark.parametrize(
     ("delay", "steps"), [(1e-4, 1), (1.4e-4, 1), (1.6e-4, 2), (3e-4, 3), (3.2e-3, 32), (1e-5, 1)]
 )
-def test_a_voltage_is_delayed_by_whole_steps(delay: float, steps: int) -> None:
+def test_voltage_is_delayed_by_whole_steps(delay: float, steps: int) -> None:
     """The same bits as without a delay, and 0 V before."""
     demands = [(float(a), float(b)) for a, b in np.random.default_rng(1).normal(scale=50.0, size=(40, 2))]
-    found = moved(started({"inverter.delay": delay}), demands)
+    states = run_steps(started({"inverter.delay": delay}), demands)
     late = [(0.0, 0.0)] * steps + demands[: len(demands) - steps]
-    assert found == moved(started({}), late)
-    assert started({}).get_state() != found  # that they moved at all
-    assert found[-1] != moved(started({}), demands)[-1]
+    assert states == run_steps(started({}), late)
+    assert started({}).get_state() != states  # that they moved at all
+    assert states[-1] != run_steps(started({}), demands)[-1]
 
 
 def test_outputs_show_the_delayed_voltage() -> None:
     plant = started({"inverter.delay": H})
-    moved(plant, [(30.0, 4.0)])
+    run_steps(plant, [(30.0, 4.0)])
     # the outputs belong to the voltage of the step that comes
     assert plant["inverter.u_q"] == 30.0
     plant["u_q"] = 50.0
@@ -68,9 +68,9 @@ def test_outputs_show_the_delayed_voltage() -> None:
     assert plant["inverter.u_q"] == 50.0
 
 
-def test_the_limit_is_that_of_the_supply_when_the_voltage_takes_effect() -> None:
+def test_limit_matches_the_supply_when_the_voltage_takes_effect() -> None:
     plant = started({"inverter.delay": H, "inverter.u_max": 100.0})
-    moved(plant, [(100.0, 0.0)])
+    run_steps(plant, [(100.0, 0.0)])
     plant["supply.sag"] = 0.3
     plant["u_q"] = 60.0
     plant.do_step(plant.time, H)
@@ -78,15 +78,15 @@ def test_the_limit_is_that_of_the_supply_when_the_voltage_takes_effect() -> None
     assert (plant["inverter.u_q"], plant["inverter.saturated"]) == (60.0, 0.0)
 
 
-def test_a_run_that_starts_before_zero_is_delayed_too() -> None:
+def test_run_that_starts_before_zero_is_delayed_too() -> None:
     """The first step's length is not known then: the delay is right from the second step on."""
     demands = [(20.0, 0.0)] * 5
-    found = moved(started({"inverter.delay": 2 * H}, time=-1.0), demands)
-    assert found[0] == moved(started({}, time=-1.0), [(0.0, 0.0)])[0]
-    assert found[2] != found[1]
+    states = run_steps(started({"inverter.delay": 2 * H}, time=-1.0), demands)
+    assert states[0] == run_steps(started({}, time=-1.0), [(0.0, 0.0)])[0]
+    assert states[2] != states[1]
 
 
-def test_a_delay_of_more_than_32_steps_is_refused() -> None:
+def test_delay_of_more_than_32_steps_is_refused() -> None:
     plant = started({"inverter.delay": 3.3e-3})
     before = plant.get_state()
     with pytest.raises(StepDiscardedError, match=r"inverter\.delay_in_steps_of_at_most_32 became inf"):
@@ -98,7 +98,7 @@ def test_a_delay_of_more_than_32_steps_is_refused() -> None:
 # ---- current sensors ----------------------------------------------------------------------------
 
 
-def test_noise_of_currents_has_its_size_and_leaves_the_position_alone() -> None:
+def test_noise_of_currents_has_its_size_and_does_not_affect_the_position() -> None:
     quiet = started({"sensor.sigma": 1e-6, "i_q": 5.0})
     noisy = started({"sensor.sigma": 1e-6, "i_q": 5.0, "sensor.current.sigma": 0.02})
     draws, positions = [], []
@@ -165,15 +165,15 @@ def test_losses_never_deliver_power(
 
 @settings(deadline=None, max_examples=6)
 @given(lossy(), st.floats(-0.1, 0.1), st.floats(-300.0, 300.0), st.floats(-6e4, 6e4))
-def test_a_plant_in_motion_creates_no_energy(
+def test_plant_in_motion_creates_no_energy(
     values: dict[str, float], v_L: float, u_q: float, F_L: float
 ) -> None:
     """What is delivered and stored is at most what came in, into a stop and out of it again too."""
     names = EmlaPlant.layout()
     by_name = {p.name: values[p.attribute] for p in names.parameters if p.attribute in values}
     low, high = 0.239, 0.2405  # within reach
-    given_ = {"screw.q_LB": low, "screw.q_UB": high, "motor.B_m": 0.0, "motor.R_s": 0.0, "v_L": v_L}
-    plant = started({**by_name, **given_, "u_q": u_q, "F_L": F_L})
+    lossless = {"screw.q_LB": low, "screw.q_UB": high, "motor.B_m": 0.0, "motor.R_s": 0.0, "v_L": v_L}
+    plant = started({**by_name, **lossless, "u_q": u_q, "F_L": F_L})
     emla = EMLAS["lift"]
     M = emla.alpha_RL * (emla.J_m + emla.M_BS / emla.alpha_RL**2) * emla.alpha_RL
 
@@ -227,7 +227,7 @@ def test_rated_current_ends_at_the_permitted_rise_and_more_of_it_is_reported() -
 
 
 @pytest.mark.parametrize("name", mostly_slow(["lift", "tilt", "telescope"], ["lift"]))
-def test_a_stop_holds_a_drive_at_its_largest_speed(name: str) -> None:
+def test_stop_holds_a_drive_at_its_largest_speed(name: str) -> None:
     emla = EMLAS[name]
     values = start_values(EmlaPlant, emla, asdict(DRIVES[name]))
     plant = started({**values, "start.x_L": emla.q_UB - 1e-4, "v_L": emla.v_max})
@@ -241,7 +241,7 @@ def test_a_stop_holds_a_drive_at_its_largest_speed(name: str) -> None:
 
 
 def test_seeds_of_currents_are_seeds_and_differ() -> None:
-    own = [seed for joint in STUDY if (seed := load_joint(joint).seed) is not None]
-    seeds = [current_seed(seed) for seed in own]
-    assert len({*seeds, *own}) == 6
+    joint_seeds = [seed for joint in STUDY if (seed := load_joint(joint).seed) is not None]
+    seeds = [current_seed(seed) for seed in joint_seeds]
+    assert len({*seeds, *joint_seeds}) == 6
     assert all(1 <= seed <= 2147483646 for seed in seeds)

@@ -21,7 +21,7 @@ def test_prototype_efficiency_makes_35_newton_metres_hold_75_kilonewtons() -> No
 
 
 @pytest.mark.parametrize("emla", EMLAS.values(), ids=EMLAS)
-def test_the_inverter_can_drive_the_motor_at_full_speed(emla: object) -> None:
+def test_inverter_can_drive_the_motor_at_full_speed(emla: object) -> None:
     assert emla.N_p * emla.alpha_RL * emla.v_max * emla.Phi_PM < emla.u_max
 
 

@@ -13,9 +13,7 @@ from emla_fmu.stroke_load import HELD, LINEAR, POINTS, SMOOTH, force_at
     widths=st.lists(st.floats(1e-3, 0.5), min_size=1, max_size=POINTS - 1),
     forces=st.lists(st.integers(-5, 5), min_size=POINTS, max_size=POINTS),
 )
-def test_forces_are_those_of_scipy_at_points_between_and_beyond(
-    widths: list[float], forces: list[int]
-) -> None:
+def test_forces_match_scipy_at_points_between_and_beyond(widths: list[float], forces: list[int]) -> None:
     position = np.cumsum([0.1, *widths])
     force = 1e3 * np.array(forces[: len(position)], dtype=float)
     table = [[*x.tolist(), *[float(x[-1])] * (POINTS - len(x))] for x in (position, force)]

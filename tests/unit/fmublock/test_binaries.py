@@ -39,7 +39,7 @@ def standard_functions() -> set[str]:
 
 
 @pytest.mark.slow
-def test_an_fmu_for_all_platforms_stays_under_a_megabyte(fmu: Path) -> None:
+def test_fmu_for_all_platforms_stays_under_a_megabyte(fmu: Path) -> None:
     assert fmu.stat().st_size < 1_000_000
 
 

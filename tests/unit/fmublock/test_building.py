@@ -1,4 +1,4 @@
-"""The door for outsiders: from a file of one's own to an FMU, from any folder."""
+"""From a Python file of a user to an FMU, in any folder."""
 
 import os
 import re
@@ -61,7 +61,7 @@ HELPER = """
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of somebody's, with mine.py and helper.py; the current one."""
+    """A folder of a user with mine.py and helper.py; the current one."""
     (tmp_path / "mine.py").write_text(dedent(DRIVE))
     (tmp_path / "helper.py").write_text(dedent(HELPER))
     monkeypatch.chdir(tmp_path)
@@ -75,7 +75,7 @@ def speed(fmu: Path) -> float:
 
 
 @pytest.mark.parametrize("flavour", ["native", "python"])
-def test_the_command_builds_from_any_folder(
+def test_command_builds_from_any_folder(
     folder: Path, flavour: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["build", "mine.py:Drive", "--flavour", flavour, "--output", "out"]) == 0
@@ -137,7 +137,7 @@ def test_platforms_and_producer_are_options(folder: Path) -> None:
         ("", 2, "the following arguments are required: FILE.py:BLOCK"),
     ],
 )
-def test_wrong_arguments_give_one_message(
+def test_invalid_arguments_give_one_message(
     folder: Path, capsys: pytest.CaptureFixture[str], arguments: str, code: int, sentence: str
 ) -> None:
     block = "class A(fmublock.Block):\n    "
@@ -197,7 +197,7 @@ def local() -> type[Block]:
         (Tuned(2.0), {"flavour": "python"}, "this Tuned has the attributes gain, which would be missing"),
     ],
 )
-def test_wrong_arguments_in_python_are_refused(
+def test_invalid_arguments_in_python_are_refused(
     tmp_path: Path, block: Any, options: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(BuildError, match=message):
@@ -207,7 +207,7 @@ def test_wrong_arguments_in_python_are_refused(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("flavour", ["native", "python"])
-def test_a_script_may_contain_the_block_and_build_it(folder: Path, flavour: str) -> None:
+def test_script_may_contain_the_block_and_build_it(folder: Path, flavour: str) -> None:
     text = dedent(DRIVE).replace("import Block,", "import Block, Instance, build,")
     text += f"\n\nif __name__ == '__main__':\n    print(build(Drive, 'Drive.fmu', flavour='{flavour}'))\n"
     (folder / "script.py").write_text(text)
@@ -216,7 +216,7 @@ def test_a_script_may_contain_the_block_and_build_it(folder: Path, flavour: str)
     assert speed(folder / "Drive.fmu") == pytest.approx(2.0 * (1.0 - np.exp(-0.6)), rel=1e-10)
 
 
-def test_a_module_of_a_package_is_loaded_as_such() -> None:
+def test_module_of_a_package_is_loaded_as_such() -> None:
     block = load_block(str(ROOT / "src" / "emla_fmu" / "plant.py") + ":EmlaPlant")
     assert block.__module__ == "emla_fmu.plant"
     assert block is not sys.modules["emla_fmu.plant"].EmlaPlant

@@ -51,7 +51,7 @@ def test_each_element_has_its_own_limits(make: Callable[[], Unit]) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_condition_can_have_any_text(kind: str, units: Units) -> None:
+def test_condition_can_have_any_text(kind: str, units: Units) -> None:
     unit = units.make(Odd, kind, "odd")
     assert unit.set(k=-1.0) and unit.enter() and not unit.exit()
     assert f"odd: {ODD}" in unit.messages[-1]
@@ -82,7 +82,7 @@ class Divided(Block):
         return self.checks(v)
 
 
-def test_what_cannot_be_computed_at_the_start_gives_one_message() -> None:
+def test_equations_that_fail_at_the_start_give_one_message() -> None:
     instance = Instance(Divided(), "divided")
     instance.enter_initialization()
     with pytest.raises(
@@ -110,7 +110,7 @@ def test_what_cannot_be_computed_at_the_start_gives_one_message() -> None:
         (lambda v: {"x must be small": "yes"}, r": 'x must be small' is 'yes', which is not a number"),
     ],
 )
-def test_wrong_conditions_end_the_export(checks: Any, message: str) -> None:
+def test_invalid_conditions_end_the_export(checks: Any, message: str) -> None:
     block = type("Wrong", (Divided,), {"checks": staticmethod(checks)})
     with pytest.raises(BuildError, match=rf"^Wrong\.conditions.*{message}"):
         evaluate_symbolically(block())

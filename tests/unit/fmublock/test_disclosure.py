@@ -90,7 +90,7 @@ def run(fmu: Path, fmi_type: str, start_values: dict[str, Any]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("fmi_type", ["CoSimulation", "ModelExchange"])
-def test_results_are_those_of_the_full_fmu(full: Path, restricted: Path, fmi_type: str) -> None:
+def test_results_match_the_full_fmu(full: Path, restricted: Path, fmi_type: str) -> None:
     values = {**VALUES, "spring.law": 2}
     assert run(restricted, fmi_type, {}).tobytes() == run(full, fmi_type, values).tobytes()
     assert run(full, fmi_type, {}).tobytes() != run(full, fmi_type, values).tobytes()
@@ -175,7 +175,7 @@ def test_serialized_states_have_no_hidden_value_and_continue_with_the_same_bits(
         (Disclosure(values={"start.x": 6}), "no instance of this FMU could start: .*must not exceed 5 m"),
     ],
 )
-def test_wrong_disclosures_are_refused(disclosure: Disclosure, message: str) -> None:
+def test_invalid_disclosures_are_refused(disclosure: Disclosure, message: str) -> None:
     with pytest.raises(DisclosureError, match=message):
         Recipe.of(Spring, "native", disclosure=disclosure)
 
@@ -193,7 +193,7 @@ def test_disclosures_have_different_keys() -> None:
     assert len(keys) == len(changes) and None not in keys
 
 
-def test_the_command_hides_and_refuses(
+def test_command_hides_and_refuses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copy(__file__, tmp_path / "mine.py")

@@ -65,7 +65,7 @@ def sentence(folder: Path, body: str) -> str:
 
 
 @pytest.mark.parametrize("flavour", ["native", "python"])
-def test_the_message_is_that_of_a_build(tmp_path: Path, flavour: str) -> None:
+def test_message_matches_a_build(tmp_path: Path, flavour: str) -> None:
     body = "return {'P': math.sin(v.F), 'Q': v.v}"
     with pytest.raises(BuildError) as refused:
         build(define_block(tmp_path, body), tmp_path / "Mine.fmu", flavour=flavour)
@@ -148,7 +148,7 @@ def test_methods_with_memory_or_random_numbers_are_refused(tmp_path: Path, body:
     assert sentence(tmp_path, body).startswith(f"Mine.outputs {message}")
 
 
-def test_the_message_has_the_line_of_the_helper_and_the_output_of_the_method(tmp_path: Path) -> None:
+def test_message_has_the_line_of_the_helper_and_the_output_of_the_method(tmp_path: Path) -> None:
     message = sentence(tmp_path, "return {'P': self.helped(v.v), 'Q': 1.0}")
     line = FIRST + TAIL.splitlines().index("    return math.sqrt(x)")
     assert message.startswith(f"Mine.outputs, P: `math.sqrt(x)` in line {line} of mine.py {NUMBER}")

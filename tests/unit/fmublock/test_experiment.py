@@ -11,7 +11,7 @@ NAMES = ("x", "v[1]", "v[2]", "power", "inverse", "random", "step_count", "force
 
 
 @pytest.mark.parametrize("forget", ["reset", "set up again"])
-def test_the_last_setup_counts(either: Session, forget: str) -> None:
+def test_last_setup_counts(either: Session, forget: str) -> None:
     slave = either.new()
     either.set(slave, **{"solver.internal_step": 0.125})
     slave.setupExperiment(None, 2.0, 3.0)
@@ -28,7 +28,7 @@ def test_the_last_setup_counts(either: Session, forget: str) -> None:
     slave.doStep(4.0, 2.0)
 
 
-def test_a_refused_setup_sets_nothing(session: Session) -> None:
+def test_refused_setup_sets_nothing(session: Session) -> None:
     slave = session.new()
     slave.setupExperiment(1e-6, 2.0, 3.0)
     tolerances = (math.nan, math.inf, -1e-6, 0.0)
@@ -44,7 +44,7 @@ def test_a_refused_setup_sets_nothing(session: Session) -> None:
     slave.doStep(2.0, 1.0)
 
 
-def test_how_long_a_promise_holds(session: Session) -> None:
+def test_duration_of_a_promise_about_states(session: Session) -> None:
     """Going back does not end it, nor does a step without one; a discarded step promises nothing."""
     slave = session.instance()
     early_state = slave.getFMUstate()

@@ -35,7 +35,7 @@ RATES = len(Toy.layout().scalars)
 TIME = RATES + 3
 
 
-def test_the_documents_follow_the_published_schemas(fmi3_toy_fmu: Path) -> None:
+def test_documents_follow_the_published_schemas(fmi3_toy_fmu: Path) -> None:
     assert validate_fmu(str(fmi3_toy_fmu)) == []
     assert read_built(fmi3_toy_fmu).platforms == {host_platform()}
     for name, schema in {
@@ -75,7 +75,7 @@ class Watch(Block):
         return {"time": 2.0}
 
 
-def test_a_variable_of_the_block_can_be_named_time(tmp_path: Path) -> None:
+def test_variable_of_the_block_can_be_named_time(tmp_path: Path) -> None:
     fmu = build(Watch, tmp_path / "Watch.fmu", fmi=3)
     assert validate_fmu(str(fmu)) == []
     host = Host(fmu, tmp_path / "fmu")
@@ -170,7 +170,7 @@ def test_adjoint_derivatives_are_the_transposed_directional_ones(host: Host, run
     assert "by" in host.refused(slave.getAdjointDerivative, [POWER], [TIME], [1.0], 1)
 
 
-def test_output_derivatives_are_those_of_the_states(host: Host) -> None:
+def test_output_derivatives_match_the_states(host: Host) -> None:
     slave = host.started()
     slave.doStep(0.0, 0.1)
     assert slave.getOutputDerivatives([X], [1]) == slave.getFloat64([RATES])
@@ -186,7 +186,7 @@ def dependencies_of(slave: Any, unknown: int) -> tuple[Sequence[int], ...]:
     return tuple(map(list, actual[:3]))
 
 
-def test_dependencies_by_element_are_those_of_the_derivatives(host: Host, fmi3_toy_fmu: Path) -> None:
+def test_dependencies_by_element_match_the_derivatives(host: Host, fmi3_toy_fmu: Path) -> None:
     slave = host.started()
     actual = set(zip(*dependencies_of(slave, RATES + 1), strict=True))
     assert actual == {(1, FORCE, 1), (1, X, 1), (1, V, 1), (2, V, 2), (2, TIME, 1)}
@@ -201,7 +201,7 @@ def test_dependencies_by_element_are_those_of_the_derivatives(host: Host, fmi3_t
     assert "99" in message
 
 
-def test_calls_in_the_wrong_order_are_refused(host: Host) -> None:
+def test_calls_in_the_invalid_order_are_refused(host: Host) -> None:
     slave = host.new()
     assert "phase instantiated" in host.refused(slave.exitInitializationMode)
     assert "phase instantiated" in host.refused(slave.doStep, 0.0, 0.1)
@@ -246,7 +246,7 @@ def test_missing_features_are_refused(host: Host) -> None:
         assert word in host.lines[-1][1]
 
 
-def test_a_step_to_infinity_is_discarded(host: Host) -> None:
+def test_step_to_infinity_is_discarded(host: Host) -> None:
     """With the status for it; that it is undone, test_steps.py shows."""
     slave = host.started()
     slave.setFloat64([FORCE], [1e308])
@@ -282,7 +282,7 @@ CHECKED = (
 
 @needs_cc
 @pytest.mark.slow
-def test_random_calls_do_no_harm(host: Host, tmp_path: Path) -> None:
+def test_random_calls_do_not_crash_the_fmu(host: Host, tmp_path: Path) -> None:
     counts = call_at_random(host, tmp_path, 20_000, TIME + 1, 0, X, POWER)
     for function in CHECKED:
         assert counts[function][0] > 0 and counts[function][ERROR] > 0, function

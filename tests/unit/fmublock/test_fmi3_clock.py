@@ -81,7 +81,7 @@ def test_model_description(paths: list[Path]) -> None:
 
 
 @pytest.mark.parametrize(("parts", "start_time"), [(1, 0.0), (3, 2.5)])
-def test_a_tick_is_a_step_of_the_interval(hosts: list[Host], parts: int, start_time: float) -> None:
+def test_tick_is_a_step_of_the_interval(hosts: list[Host], parts: int, start_time: float) -> None:
     """The same bits, however many steps are between two ticks."""
     clocked, plain = start(hosts[0], start_time), hosts[1].started(time=start_time)
     assert clocked.first == values(plain)
@@ -137,7 +137,7 @@ def test_states_are_restored_also_within_a_tick(hosts: list[Host]) -> None:
     slave.freeFMUState(state)
 
 
-def test_calls_at_the_wrong_time_are_refused(hosts: list[Host]) -> None:
+def test_calls_at_the_invalid_time_are_refused(hosts: list[Host]) -> None:
     host = hosts[0]
     slave = start(host)
     only = "can be set and read only while the clock ticks"
@@ -188,7 +188,7 @@ def test_impossible_ticks_are_refused(hosts: list[Host], tmp_path: Path) -> None
     host.close()
 
 
-def test_a_host_without_event_mode_is_refused(hosts: list[Host]) -> None:
+def test_host_without_event_mode_is_refused(hosts: list[Host]) -> None:
     with pytest.raises(Exception, match="instantiate"):
         hosts[0].new()
     status, text = hosts[0].lines[-1]
@@ -203,7 +203,7 @@ def test_a_host_without_event_mode_is_refused(hosts: list[Host]) -> None:
         ({"clock": float("inf"), "fmi": 3}, "must be positive and finite, not inf s"),
     ],
 )
-def test_wrong_intervals_are_refused(tmp_path: Path, options: dict[str, Any], words: str) -> None:
+def test_invalid_intervals_are_refused(tmp_path: Path, options: dict[str, Any], words: str) -> None:
     with pytest.raises(BuildError, match=words):
         build(Toy, tmp_path / "Toy.fmu", **options)
 
@@ -213,7 +213,7 @@ CHECKED = ("DoStep", "GetFloat64", "SetFloat64", "SetClock", "UpdateDiscreteStat
 
 @needs_cc
 @pytest.mark.slow
-def test_random_calls_do_no_harm(hosts: list[Host], tmp_path: Path) -> None:
+def test_random_calls_do_not_crash_the_fmu(hosts: list[Host], tmp_path: Path) -> None:
     counts = call_at_random(hosts[0], tmp_path, 20_000, CLOCK, 1)
     for function in CHECKED:
         assert counts[function][0] > 0 and counts[function][ERROR] > 0, function
@@ -228,7 +228,7 @@ def test_clocks_of_ten_steps_are_step_multiples(algorithm: str, fmu_folder: Path
     options = {"algorithm": algorithm, "step_size": 1e-4, "stop_time": 0.02, "output_interval": 1e-4}
     sampled = {"step_multiples": dict.fromkeys(names, 1)} if algorithm == "strong" else {}
     plain, second = (
-        ec.load("lift", fmus=fmu_folder, **options, **given).prepare().run().to_polars()
-        for given in ({"step_multiples": dict.fromkeys(names, 10)}, {"replace": clocked, **sampled})
+        ec.load("lift", fmus=fmu_folder, **options, **changes).prepare().run().to_polars()
+        for changes in ({"step_multiples": dict.fromkeys(names, 10)}, {"replace": clocked, **sampled})
     )
     assert second.select(plain.columns).equals(plain)

@@ -24,7 +24,7 @@ class Updates:
     def __init__(self, more: Callable[[Any, float], Any] = lambda slave, time: None) -> None:
         self.slave: Any = None
         self.more = more
-        self.seen: list[tuple[float, list[float]]] = []
+        self.received_values: list[tuple[float, list[float]]] = []
         self.flags = set[tuple[bool, ...]]()
         self.can_return: list[bool] = []
         self.return_time: float | None = None
@@ -33,7 +33,7 @@ class Updates:
         *flags, can_return, requested, return_time = arguments
         self.flags.add(tuple(map(bool, flags)))
         self.can_return.append(bool(can_return))
-        self.seen.append((time, self.slave.getFloat64(READ, nValues=5)))
+        self.received_values.append((time, self.slave.getFloat64(READ, nValues=5)))
         self.more(self.slave, time)
         if self.return_time is not None:
             requested[0], return_time[0] = True, self.return_time
@@ -72,7 +72,7 @@ def test_values_after_each_internal_step(host: Host) -> None:
         for each in (slave, fine):
             each.setFloat64([FORCE], [force[n]])
         assert slave.doStep(n * STEP, STEP) == (False, False, False, (n + 1) * STEP)
-        received = updates.seen[seen_before:]
+        received = updates.received_values[seen_before:]
         assert [time for time, _ in received] == [n * STEP + k * INTERNAL for k in range(1, 5)]
         for time, values in received:
             fine.doStep(time - INTERNAL, INTERNAL)
@@ -84,12 +84,12 @@ def test_values_after_each_internal_step(host: Host) -> None:
         assert received[-1][1] == after
         random, before = after[3] - force[n] * after[1], random
         assert random != before
-        seen_before = len(updates.seen)
+        seen_before = len(updates.received_values)
     assert updates.flags == {(False, True, True)}  # set requested, get allowed, step finished
     assert updates.can_return == [True, True, True, False] * 2
 
 
-def test_a_callback_changes_no_bit(host: Host) -> None:
+def test_callback_changes_no_bit(host: Host) -> None:
     slaves = [start(host, Updates()), start(host)]
     for slave in slaves:
         for n in range(20):
@@ -103,14 +103,14 @@ def test_a_callback_changes_no_bit(host: Host) -> None:
 @pytest.mark.parametrize(
     ("return_time", "reached"), [(0.0, 1), (INTERNAL, 1), (2.7 * INTERNAL, 2), (STEP, 4)]
 )
-def test_a_step_that_the_host_ends(host: Host, return_time: float, reached: int) -> None:
+def test_step_that_the_host_ends(host: Host, return_time: float, reached: int) -> None:
     """The step ends at the last internal step that is not after the time that the host asks for."""
     updates = Updates()
     slave, second = start(host, updates), start(host)
     updates.return_time = return_time
     time = reached * INTERNAL
     assert slave.doStep(0.0, STEP) == (False, False, reached < 4, time)
-    assert len(updates.seen) == reached
+    assert len(updates.received_values) == reached
     second.doStep(0.0, time)
     assert slave.getFloat64(READ, nValues=5) == second.getFloat64(READ, nValues=5)
     updates.return_time = None
@@ -180,16 +180,16 @@ def test_variables_without_intermediate_update_are_refused(host: Host, name: str
     assert host.lines[-1][1].endswith(f"{name} has no intermediate update.")
 
 
-def test_a_discarded_step_shows_no_infinite_values(host: Host) -> None:
+def test_discarded_step_shows_no_infinite_values(host: Host) -> None:
     updates = Updates()
     slave = start(host, updates)
     slave.setFloat64([FORCE], [3e154])  # the power overflows within the step
     before = slave.getFloat64(READ, nValues=5)
     assert "discarded" in host.refused(slave.doStep, 0.0, 1.0, status=DISCARD)
     assert slave.getFloat64(READ, nValues=5) == before
-    assert 10 < len(updates.seen) < 500
-    assert all(math.isfinite(value) for _, values in updates.seen for value in values)
+    assert 10 < len(updates.received_values) < 500
+    assert all(math.isfinite(value) for _, values in updates.received_values for value in values)
     slave.setFloat64([FORCE], [0.0])
-    updates.seen.clear()
+    updates.received_values.clear()
     assert slave.doStep(0.0, STEP)[3] == STEP
-    assert len(updates.seen) == 4
+    assert len(updates.received_values) == 4

@@ -61,7 +61,7 @@ def test_dependencies_of_the_python_flavour_are_those_on_inputs(python_toy_fmu: 
     assert description.derivatives == []
 
 
-def test_dependencies_of_the_native_flavour_are_those_of_the_equations(native_toy_fmu: Path) -> None:
+def test_dependencies_of_the_native_flavour_match_the_equations(native_toy_fmu: Path) -> None:
     description = fmpy.read_model_description(str(native_toy_fmu))
     spring = {"body.mass", "spring.k[1]", "spring.k[2]", "shape", "damped"}
     assert dependencies(description.outputs) == {
@@ -86,7 +86,7 @@ def test_documentation_and_licence_are_inside(toy_fmu: Path) -> None:
     assert "http" not in page.replace("http://www.w3.org/1998/Math/MathML", "")
 
 
-def test_wrong_types_and_references_are_refused(either: Session) -> None:
+def test_invalid_types_and_references_are_refused(either: Session) -> None:
     slave = either.instance()
     count, force = either.references(["count", "force"])
     for call, reference in ((slave.getReal, count), (slave.getInteger, force), (slave.getReal, 10_000)):
@@ -97,7 +97,7 @@ def test_wrong_types_and_references_are_refused(either: Session) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("cc") is None, reason="There is no C compiler `cc` on this machine.")
-def test_the_sources_compile_elsewhere(native_toy_fmu: Path, tmp_path: Path) -> None:
+def test_sources_compile_elsewhere(native_toy_fmu: Path, tmp_path: Path) -> None:
     """`fmpy compile` builds a binary from sources/ with the host's own compiler."""
     copy = tmp_path / "Toy.fmu"
     with zipfile.ZipFile(native_toy_fmu) as original, zipfile.ZipFile(copy, "w") as stripped:

@@ -85,7 +85,7 @@ def test_matvec_refuses_a_short_vector() -> None:
 
 
 @given(x=finite, y=finite)
-def test_where_does_not_see_the_branch_it_leaves(x: float, y: float) -> None:
+def test_where_ignores_the_other_branch(x: float, y: float) -> None:
     assert fmublock.where(x < y, x, math.nan if x < y else y) == min(x, y)
 
 
@@ -104,7 +104,7 @@ def test_limit_magnitude_keeps_direction_and_length(x: float, y: float, limit: f
 
 
 @given(x=st.floats(-1e6, 1e6), y=st.floats(-1e6, 1e6), limit=st.floats(1e-3, 1e6))
-def test_a_limited_value_is_not_limited_again(x: float, y: float, limit: float) -> None:
+def test_limited_value_is_not_limited_again(x: float, y: float, limit: float) -> None:
     a, b, _ = fmublock.limit_magnitude(x, y, limit)
     assert fmublock.limit_magnitude(a, b, limit)[2] == 0.0
 

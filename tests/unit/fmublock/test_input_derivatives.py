@@ -50,7 +50,7 @@ def solution(force: Polynomial, end: float, cubic: bool) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("order", "shape"), [(1, Shape.LINEAR), (2, Shape.CUBIC), (3, Shape.CUBIC)])
-def test_a_polynomial_force_gives_the_solution_with_that_force(
+def test_polynomial_force_gives_the_solution_with_that_force(
     session: Session, order: int, shape: Shape
 ) -> None:
     """Over steps of uneven length; the force follows its derivatives from step to step."""
@@ -59,7 +59,7 @@ def test_a_polynomial_force_gives_the_solution_with_that_force(
     assert actual == pytest.approx(solution(FORCES[order], 1.0, shape == Shape.CUBIC), rel=1e-11)
 
 
-def test_an_input_keeps_its_last_value_after_a_step(session: Session) -> None:
+def test_input_keeps_its_last_value_after_a_step(session: Session) -> None:
     """The second step holds it, as that of an instance which knows no derivatives."""
     slave = session.new()
     move(session, slave, FORCES[3], 0.0)  # for the first step
@@ -85,7 +85,7 @@ def test_outputs_see_the_input_at_the_end_of_the_step(session: Session) -> None:
     assert power == pytest.approx(2.5 * speed + 3 * random / 2147483647, rel=1e-14)
 
 
-def test_the_last_value_of_a_derivative_counts(session: Session) -> None:
+def test_last_value_of_a_derivative_counts(session: Session) -> None:
     """A value of the input that is set after the derivatives leaves them as they are; a reset does not."""
     slave, force = session.instance(), session.references(["force"])
     slave.setRealInputDerivatives(force * 2, [1, 1], [4.0, 5.0])
@@ -100,7 +100,7 @@ def test_the_last_value_of_a_derivative_counts(session: Session) -> None:
     assert session.get(slave, "force") == [0.5]
 
 
-def test_a_derivative_of_zero_changes_no_bit(session: Session) -> None:
+def test_derivative_of_zero_changes_no_bit(session: Session) -> None:
     still, zero = session.instance("still"), session.instance("zero")
     for k in range(5):
         zero.setRealInputDerivatives(session.references(["force"]) * 3, [1, 2, 3], [0.0] * 3)
@@ -109,7 +109,7 @@ def test_a_derivative_of_zero_changes_no_bit(session: Session) -> None:
     assert session.get(still, *STATES, "power") == session.get(zero, *STATES, "power")
 
 
-def test_a_discarded_step_leaves_inputs_and_derivatives_for_a_shorter_one(session: Session) -> None:
+def test_discarded_step_keeps_inputs_and_derivatives(session: Session) -> None:
     """A force that grows by 1e154 N/s has a power beyond the numbers after 10 s, but not after 0.1 s."""
     names = ("force", *STATES, "power", "random")
     rolled_back, straight = session.instance("tried"), session.instance("straight")

@@ -30,7 +30,7 @@ from tests.support.toy import Toy
 REFERENCE = Toy.layout().reference
 
 
-def test_calls_in_the_wrong_phase_are_refused() -> None:
+def test_calls_in_the_invalid_phase_are_refused() -> None:
     with pytest.raises(BlockError, match="cannot do a step in phase instantiated"):
         Instance(Toy()).do_step(0.0, 0.1)
     with pytest.raises(BlockError, match="cannot enter initialization mode in phase step"):
@@ -44,7 +44,7 @@ class Reciprocal(Block):
         return {"x": 1.0 / v.x}
 
 
-def test_a_step_whose_equation_fails_is_discarded() -> None:
+def test_step_whose_equation_fails_is_discarded() -> None:
     """Also one of 1e9 internal steps, the first of which fails; more of them are refused."""
     instance = started(Reciprocal, {"solver.internal_step": 2.0**-20})
     with pytest.raises(StepDiscardedError, match=r"discarded: an equation failed \(float division by zero\)"):
@@ -54,7 +54,7 @@ def test_a_step_whose_equation_fails_is_discarded() -> None:
     assert instance.time == 0.0
 
 
-def test_an_equation_cannot_use_what_is_not_declared() -> None:
+def test_undeclared_variable_in_an_equation_is_refused() -> None:
     class Wrong(Block):
         u = Input()
         y = Output()
@@ -94,7 +94,7 @@ class Pair(Block):
         ([1.0], r"Wrong.outputs returns \[1.0\] instead of a dict"),
     ],
 )
-def test_wrong_results_of_methods_are_refused_in_runs_and_exports(results: Any, sentence: str) -> None:
+def test_invalid_results_of_methods_are_refused_in_runs_and_exports(results: Any, sentence: str) -> None:
     block = type("Wrong", (Pair,), {"results": results})()
     with pytest.raises(EquationError, match=sentence):
         Instance(block).get([0])
@@ -128,7 +128,7 @@ def test_values_have_names_and_arrays_are_lists() -> None:
         ("power", 1.0, "toy: power is computed by the block"),
     ],
 )
-def test_wrong_names_and_values_are_refused(name: str, value: Any, sentence: str) -> None:
+def test_invalid_names_and_values_are_refused(name: str, value: Any, sentence: str) -> None:
     with pytest.raises(BlockError, match=sentence):
         Instance(Toy(), "toy")[name] = value
 
@@ -146,7 +146,7 @@ def test_every_element_starts_from_its_own_element_of_the_parameter() -> None:
         instance["q[2]"] = 1.0
 
 
-def test_a_matrix_gives_the_same_numbers_in_every_flavour(tmp_path: Path) -> None:
+def test_matrix_gives_the_same_numbers_in_every_flavour(tmp_path: Path) -> None:
     values = {"q_0[2]": 0.7, "M[2,1]": -3.5, "level": 0.25}
     names = [s.name for s in Arm.layout().scalars if s.variable in (*Arm.layout().states, Arm.y)]
     instance = Instance(Arm())
@@ -178,7 +178,7 @@ def test_a_matrix_gives_the_same_numbers_in_every_flavour(tmp_path: Path) -> Non
         ),
     ],
 )
-def test_wrong_start_values_are_refused(start: Any, shape: Any, sentence: str) -> None:
+def test_invalid_start_values_are_refused(start: Any, shape: Any, sentence: str) -> None:
     with pytest.raises(TypeError, match=sentence):
         State(start, shape=shape)
 

@@ -1,4 +1,4 @@
-"""What a killed process leaves is removed by the next one; what belongs to anybody else stays."""
+"""Files and folders of killed processes are removed by the next process, and no others."""
 
 import os
 import signal
@@ -108,7 +108,7 @@ def test_incomplete_files_of_ended_processes_are_removed(tmp_path: Path, dead: s
 
 
 @pytest.mark.slow
-def test_a_compiler_ends_with_the_process_that_needs_it(tmp_path: Path) -> None:
+def test_compiler_ends_with_the_process_that_needs_it(tmp_path: Path) -> None:
     """Also what the compiler itself has started."""
     slow = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(60)'])"
     code = (

@@ -29,7 +29,7 @@ def go_on(unit: Unit, count: int) -> None:
         assert unit.step(0.5 * i, 0.5)
 
 
-def test_each_limit_is_reported_once_and_stops_nothing(make: Callable[[], Unit]) -> None:
+def test_each_limit_is_reported_once_and_does_not_end_the_run(make: Callable[[], Unit]) -> None:
     unit = start(make(), a=-2.0, **COARSE)
     go_on(unit, 6)  # x = -t^2, v = -2 t
     assert unit.messages == [
@@ -60,7 +60,7 @@ def test_limits_are_start_values(
 
 
 @pytest.mark.parametrize("kind", ["native", "python"])
-def test_a_reset_reports_anew_and_warnings_have_their_category(units: Units, kind: str) -> None:
+def test_reset_reports_anew_and_warnings_have_their_category(units: Units, kind: str) -> None:
     session = units.opened(Cart, kind)
     assert isinstance(session, Session)
     session.log.all.clear()
@@ -85,7 +85,7 @@ def test_a_reset_reports_anew_and_warnings_have_their_category(units: Units, kin
         (State, (Parameter(1.0), Parameter(shape=2)), "neither one nor two scalar parameters"),
     ],
 )
-def test_wrong_limits_are_refused(kind: Any, limits: Any, words: str) -> None:
+def test_invalid_limits_are_refused(kind: Any, limits: Any, words: str) -> None:
     with pytest.raises(TypeError, match=words):
         kind(limits=limits)
 
@@ -117,7 +117,7 @@ def test_computed_outputs_have_no_start_value_to_refuse() -> None:
     assert Recipe.of(block, "native").model == "Right"
 
 
-def test_the_key_of_a_block_with_limits_is_the_same_in_every_process() -> None:
+def test_key_of_a_block_with_limits_is_the_same_in_every_process() -> None:
     """Otherwise an FMU that is up to date would be built again each time, with another hash."""
     text = (
         "from fmublock.recipe import Recipe; from tests.support.cart import Cart; "

@@ -13,7 +13,7 @@ STATUSES = {EVENT: OK, WARN: WARNING, DISCARDED: DISCARD, WRONG: ERROR}
 
 
 def read_messages(session: Session, slave: Any) -> list[str]:
-    """Categories of the messages when one thing of every kind happens; the instance goes on."""
+    """Categories of the messages when one thing of every kind happens; the instance continues."""
     session.log.all.clear()
     slave.reset()
     session.initialize(slave)  # an event
@@ -62,7 +62,7 @@ def test_categories_that_are_on_are_logged(
 
 
 @pytest.mark.parametrize("name", ["", "logEvents ", "c" * 10_000])
-def test_an_unknown_category_is_refused_and_nothing_is_changed(session: Session, name: str) -> None:
+def test_unknown_category_is_refused_and_nothing_is_changed(session: Session, name: str) -> None:
     slave = session.instance()
     slave.setDebugLogging(True, [WARN, WRONG])
     for on in (True, False):
@@ -74,7 +74,7 @@ def test_an_unknown_category_is_refused_and_nothing_is_changed(session: Session,
 
 
 @pytest.mark.parametrize("has_callbacks", [True, False])
-def test_an_instance_without_a_logger_is_silent(session: Session, has_callbacks: bool) -> None:
+def test_instance_without_a_logger_is_silent(session: Session, has_callbacks: bool) -> None:
     session.log.callbacks.logger = type(session.log.callbacks.logger)()
     second, callbacks = session.new(), session.log.callbacks if has_callbacks else None
     guid = session.description.guid.encode()

@@ -17,7 +17,7 @@ REFERENCE = (c_uint * 1)(Toy.layout().reference("force"))
 COUNT = (c_uint * 1)(Toy.layout().reference("count"))
 DAMPED = (c_uint * 1)(Toy.layout().reference("damped"))
 VALUE, ORDER = (c_double * 1)(0.5), (c_int * 1)(1)
-ONE = c_size_t(1)
+SINGLE = c_size_t(1)
 ARRAY = "1 values were announced, but the array is NULL."
 
 
@@ -39,14 +39,14 @@ def instantiate(session: Session, name: bytes | None) -> int | None:
 
 
 @pytest.mark.parametrize(("name", "message"), [(None, "NULL"), (b"", "empty")])
-def test_an_instance_needs_a_name(session: Session, name: bytes | None, message: str) -> None:
+def test_instance_needs_a_name(session: Session, name: bytes | None, message: str) -> None:
     assert instantiate(session, name) is None
     assert session.log.all == [
         ("Toy", ERROR, "logStatusError", f"Toy: an instance needs a name; this one is {message}.")
     ]
 
 
-def test_an_instance_of_the_python_flavour_needs_a_name(python_toy_fmu: Path, tmp_path: Path) -> None:
+def test_instance_of_the_python_flavour_needs_a_name(python_toy_fmu: Path, tmp_path: Path) -> None:
     """PythonFMU's library itself ends the process where the name is NULL."""
     with opened(python_toy_fmu, tmp_path / "fmu") as session:
         for _ in range(20):
@@ -59,25 +59,25 @@ def test_an_instance_of_the_python_flavour_needs_a_name(python_toy_fmu: Path, tm
 
 
 CO_SIMULATION: list[tuple[str, Sequence[Any], str]] = [
-    ("fmi2GetReal", (REFERENCE, ONE, NULL), ARRAY),
-    ("fmi2GetReal", (NULL, ONE, VALUE), ARRAY),
-    ("fmi2SetReal", (REFERENCE, ONE, NULL), ARRAY),
-    ("fmi2SetReal", (NULL, ONE, VALUE), ARRAY),
-    ("fmi2GetInteger", (COUNT, ONE, NULL), ARRAY),
-    ("fmi2SetInteger", (COUNT, ONE, NULL), ARRAY),
-    ("fmi2GetBoolean", (DAMPED, ONE, NULL), ARRAY),
-    ("fmi2SetBoolean", (DAMPED, ONE, NULL), ARRAY),
-    ("fmi2GetString", (REFERENCE, ONE, NULL), ARRAY),
-    ("fmi2SetString", (NULL, ONE, NULL), ARRAY),
-    ("fmi2SetDebugLogging", (c_int(1), ONE, NULL), ARRAY),
-    ("fmi2GetDirectionalDerivative", (NULL, ONE, REFERENCE, ONE, VALUE, VALUE), ARRAY),
-    ("fmi2GetDirectionalDerivative", (REFERENCE, ONE, REFERENCE, ONE, VALUE, NULL), ARRAY),
-    ("fmi2GetDirectionalDerivative", (REFERENCE, ONE, NULL, ONE, VALUE, VALUE), ARRAY),
-    ("fmi2GetDirectionalDerivative", (REFERENCE, ONE, REFERENCE, ONE, NULL, VALUE), ARRAY),
-    ("fmi2SetRealInputDerivatives", (REFERENCE, ONE, NULL, VALUE), ARRAY),
-    ("fmi2SetRealInputDerivatives", (REFERENCE, ONE, ORDER, NULL), ARRAY),
-    ("fmi2GetRealOutputDerivatives", (REFERENCE, ONE, NULL, VALUE), ARRAY),
-    ("fmi2GetRealOutputDerivatives", (REFERENCE, ONE, ORDER, NULL), ARRAY),
+    ("fmi2GetReal", (REFERENCE, SINGLE, NULL), ARRAY),
+    ("fmi2GetReal", (NULL, SINGLE, VALUE), ARRAY),
+    ("fmi2SetReal", (REFERENCE, SINGLE, NULL), ARRAY),
+    ("fmi2SetReal", (NULL, SINGLE, VALUE), ARRAY),
+    ("fmi2GetInteger", (COUNT, SINGLE, NULL), ARRAY),
+    ("fmi2SetInteger", (COUNT, SINGLE, NULL), ARRAY),
+    ("fmi2GetBoolean", (DAMPED, SINGLE, NULL), ARRAY),
+    ("fmi2SetBoolean", (DAMPED, SINGLE, NULL), ARRAY),
+    ("fmi2GetString", (REFERENCE, SINGLE, NULL), ARRAY),
+    ("fmi2SetString", (NULL, SINGLE, NULL), ARRAY),
+    ("fmi2SetDebugLogging", (c_int(1), SINGLE, NULL), ARRAY),
+    ("fmi2GetDirectionalDerivative", (NULL, SINGLE, REFERENCE, SINGLE, VALUE, VALUE), ARRAY),
+    ("fmi2GetDirectionalDerivative", (REFERENCE, SINGLE, REFERENCE, SINGLE, VALUE, NULL), ARRAY),
+    ("fmi2GetDirectionalDerivative", (REFERENCE, SINGLE, NULL, SINGLE, VALUE, VALUE), ARRAY),
+    ("fmi2GetDirectionalDerivative", (REFERENCE, SINGLE, REFERENCE, SINGLE, NULL, VALUE), ARRAY),
+    ("fmi2SetRealInputDerivatives", (REFERENCE, SINGLE, NULL, VALUE), ARRAY),
+    ("fmi2SetRealInputDerivatives", (REFERENCE, SINGLE, ORDER, NULL), ARRAY),
+    ("fmi2GetRealOutputDerivatives", (REFERENCE, SINGLE, NULL, VALUE), ARRAY),
+    ("fmi2GetRealOutputDerivatives", (REFERENCE, SINGLE, ORDER, NULL), ARRAY),
     ("fmi2GetFMUstate", (NULL,), "the pointer to the state is NULL."),
     ("fmi2SetFMUstate", (NULL,), "this is not a state of Toy"),
     ("fmi2SerializedFMUstateSize", (NULL, byref(c_size_t())), "this is not a state of Toy"),

@@ -75,7 +75,7 @@ def session(fragile_fmu: Path, tmp_path: Path) -> Iterator[Session]:
 
 
 @pytest.mark.parametrize(("mistake", "position"), [(1, 1), (2, 2), (3, 3), (4, 1)])
-def test_a_step_whose_equations_raise_is_discarded_and_undone(
+def test_step_whose_equations_raise_is_discarded_and_undone(
     session: Session, mistake: int, position: int
 ) -> None:
     """The log names the exception; shorter steps from there give the bits of an instance that did not try."""
@@ -177,24 +177,24 @@ def host(fmu: Path, folder: Path, code: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("failure", ["slave.doStep(0.01, 1.0)", "slave.getReal([99])"])
-def test_a_thousand_failures_do_not_end_the_process(fragile_fmu: Path, tmp_path: Path, failure: str) -> None:
+def test_thousand_failures_do_not_end_the_process(fragile_fmu: Path, tmp_path: Path, failure: str) -> None:
     """Of steps whose equations raise, and of calls that PythonFMU itself sees fail."""
     assert host(fragile_fmu, tmp_path, FAILURES.format(failure)) == "1000"
 
 
 @pytest.mark.slow
-def test_a_thousand_instances_come_and_go(fragile_fmu: Path, tmp_path: Path) -> None:
+def test_thousand_instances_are_freed(fragile_fmu: Path, tmp_path: Path) -> None:
     code = "for i in range(1000): slave = stepped(); slave.terminate(); slave.freeInstance()"
     assert host(fragile_fmu, tmp_path, f"{code}\nprint('done')") == "done"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("when", AT_EXIT)
-def test_a_host_may_free_instances_as_it_ends(fragile_fmu: Path, tmp_path: Path, when: str) -> None:
+def test_host_may_free_instances_as_it_ends(fragile_fmu: Path, tmp_path: Path, when: str) -> None:
     """Before the FMU's library releases Python, after it, or not at all; and make one more in between."""
     assert host(fragile_fmu, tmp_path, AT_EXIT[when]) == ("left" if when == "never" else "freed")
 
 
-def test_a_library_with_nothing_to_release_is_left_alone(tmp_path: Path) -> None:
+def test_library_without_python_is_not_released(tmp_path: Path) -> None:
     for library in (Path(str(_ctypes.__file__)), tmp_path / "none.so"):
         release_interpreter_at_exit(library)

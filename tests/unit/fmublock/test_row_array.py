@@ -47,7 +47,7 @@ def equation(numbers: Any) -> list[Any]:
 
 
 @given(st.lists(st.tuples(NUMBERS, NUMBERS), min_size=1, max_size=20))
-def test_rows_are_those_of_floats(rows: list[tuple[float, float]]) -> None:
+def test_rows_match_floats(rows: list[tuple[float, float]]) -> None:
     expected = [equation(row) for row in rows]
     assert evaluate_rows(equation, np.array(rows)) == pytest.approx(
         np.array(expected), rel=1e-14, nan_ok=True

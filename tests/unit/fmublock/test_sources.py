@@ -16,7 +16,7 @@ from tests.support.toy_fmu import build_toy
 
 
 @pytest.mark.parametrize("ignores_case", [False, True])
-def test_everything_a_block_imports_is_gathered(ignores_case: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_imports_of_a_block_are_gathered(ignores_case: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Once, also if the file system finds `block.py` by the name `Block.py`."""
     if ignores_case:
         monkeypatch.setattr(Path, "is_file", _exists_in_any_case)
@@ -59,7 +59,7 @@ def never_called():
 """
 
 
-def test_imports_are_found_wherever_they_may_run(tmp_path: Path) -> None:
+def test_imports_in_all_statements_are_collected(tmp_path: Path) -> None:
     block = "from fmublock import Block, Output\n\n\nclass Mine(Block):\n    y = Output()\n"
     (tmp_path / "mine.py").write_text(block + CONDITIONAL)
     foreign = gather_sources(load_block(f"{tmp_path / 'mine.py'}:Mine")).foreign["mine"]
@@ -93,7 +93,7 @@ def test_every_way_to_import_is_moved(statement: str, rewritten: str) -> None:
     assert move_into_package(sources, "P")["P/mine.py"] == f"{rewritten}\nx = 1\n"
 
 
-def test_the_fmu_runs_without_any_package_installed(tmp_path: Path) -> None:
+def test_fmu_runs_without_any_package_installed(tmp_path: Path) -> None:
     """Its resources alone, in a Python that sees no site-packages."""
     path = build_toy("python", tmp_path / "Toy.fmu")
     with zipfile.ZipFile(path) as archive:
@@ -147,7 +147,7 @@ def test_two_fmus_of_the_same_names_run_their_own_equations_in_one_process(tmp_p
     assert results == [2.0, 2.0, 3.0, 3.0]
 
 
-def test_a_file_that_changed_after_the_block_was_defined_is_refused(tmp_path: Path) -> None:
+def test_file_that_changed_after_the_block_was_defined_is_refused(tmp_path: Path) -> None:
     """What runs and what would be written differ."""
     file = tmp_path / "late.py"
     text = "from fmublock import Block, Output\n\n\nclass Late(Block):\n    y = Output()\n\n"

@@ -110,7 +110,7 @@ def steps(draw: Any, session: Session, moving: bool) -> Step:
 @EACH
 @given(data=st.data())
 @examples(2, 20)
-def test_a_saved_state_continues_with_the_same_bits_anywhere(
+def test_saved_state_continues_with_the_same_bits_in_any_instance(
     sessions: Sessions, key: tuple[str, str], data: st.DataObject
 ) -> None:
     """In the same instance and in a second one; inputs may be set already."""
@@ -138,7 +138,7 @@ def test_a_saved_state_continues_with_the_same_bits_anywhere(
 
 
 @EACH
-def test_a_state_saved_in_initialization_contains_what_was_set(
+def test_state_saved_in_initialization_contains_start_values(
     sessions: Sessions, key: tuple[str, str]
 ) -> None:
     session = sessions[key]
@@ -187,7 +187,7 @@ def refusal(session: Session, slave: Any, state: bytes, flavour: str) -> str:
 @EACH
 @given(data=st.data())
 @examples(2, 15)
-def test_damaged_and_foreign_states_are_refused_and_the_run_goes_on(
+def test_damaged_and_foreign_states_are_refused(
     sessions: Sessions, key: tuple[str, str], data: st.DataObject
 ) -> None:
     """Foreign: of another model, of the same model in the other flavour, or empty."""
@@ -211,7 +211,7 @@ def test_damaged_and_foreign_states_are_refused_and_the_run_goes_on(
     free(session, target, straight)
 
 
-def test_the_python_flavour_refuses_a_state_of_other_equations(sessions: Sessions) -> None:
+def test_python_flavour_refuses_a_state_of_other_equations(sessions: Sessions) -> None:
     """Everything but the hash of the content fits."""
     session = sessions["RsbaController", "python"]
     target = start(session, "target")

@@ -36,7 +36,7 @@ def same(a: Unit, b: Unit) -> None:
 # ---- the same bits everywhere ------------------------------------------------------------------
 
 
-def test_a_driven_run_has_the_bits_of_the_block_in_process(make: Make, units: Units) -> None:
+def test_driven_run_has_the_bits_of_the_block_in_process(make: Make, units: Units) -> None:
     """Steps of uneven length with changing inputs."""
     draw = np.random.default_rng(4)
     values = {"shape": 2, "count": 5, "seed": 99, "x_0": 0.1}
@@ -65,7 +65,7 @@ def test_tools_that_round_times_in_different_ways_get_the_same_bits(make: Make) 
         same(go_on(start(make(), stop=600 * STEP), steps), expected)
 
 
-def test_a_first_step_that_is_rounded_up_is_not_divided_once_more(make: Make) -> None:
+def test_first_step_that_is_rounded_up_is_not_divided_once_more(make: Make) -> None:
     """As of a tool that starts at 2e-4 s with (3 - 2) 1e-4 s: here so long that the results show it."""
     up = math.nextafter(0.2, 1.0)
     assert math.ceil(up / 0.1) == 3
@@ -77,8 +77,8 @@ def test_a_first_step_that_is_rounded_up_is_not_divided_once_more(make: Make) ->
     assert rows[1] != pytest.approx(rows[2], rel=1e-10)
 
 
-def test_the_time_of_an_instance_follows_the_tool() -> None:
-    """A step of another length starts where the tool says; a part in a million of a step is no rounding."""
+def test_time_of_an_instance_follows_the_tool() -> None:
+    """A step of another length starts where the tool says; a part in a million of a step is not rounding."""
 
     def run(steps: Steps) -> float:
         instance = Instance(Toy())
@@ -131,7 +131,7 @@ def at_rest(make: Make, **values: Any) -> Unit:
     return go_on(start(make(), **values), products(300))
 
 
-def test_a_run_continues_after_a_sliver_as_if_there_had_been_none(make: Make) -> None:
+def test_sliver_step_changes_no_bits(make: Make) -> None:
     """What is set before it acts in the next step; a restored state knows the length of the last step."""
     unit, second = at_rest(make), at_rest(make)
     restored = start(make("restored"))
@@ -149,7 +149,7 @@ def test_a_run_continues_after_a_sliver_as_if_there_had_been_none(make: Make) ->
     assert second.get(*NAMES) != before
 
 
-def test_slivers_add_up_to_nothing(make: Make) -> None:
+def test_repeated_slivers_do_not_move_the_time(make: Make) -> None:
     """The time does not move with them: the instance goes no further than 1e-6 of a step."""
     unit = at_rest(make)
     before, time = unit.get(*NAMES), 0.03
@@ -177,7 +177,7 @@ def test_short_and_first_steps_are_not_slivers(make: Make, units: Units) -> None
 # ---- where a step starts -----------------------------------------------------------------------
 
 
-def test_a_step_that_starts_elsewhere_is_refused(make: Make) -> None:
+def test_step_that_starts_elsewhere_is_refused(make: Make) -> None:
     unit = at_rest(make)
     before = unit.get(*NAMES)
     for time, step in ((0.03 - 1e-9, 1.7e-14), (0.03 + 1e-9, 1.7e-14), (0.03 - 1e-6, STEP), (0.0299, STEP)):
@@ -190,8 +190,8 @@ def test_a_step_that_starts_elsewhere_is_refused(make: Make) -> None:
 @pytest.mark.parametrize(
     ("time", "digits"), [(0.5, "0.5"), (0.123456789, "0.123456789"), (0.25 + 1e-13, "0.2500000000001")]
 )
-def test_the_message_shows_where_two_times_differ(make: Make, time: float, digits: str) -> None:
-    """The steps before are so short that these are no rounding."""
+def test_message_shows_where_two_times_differ(make: Make, time: float, digits: str) -> None:
+    """The steps before are so short that these are more than rounding."""
     points = [0.0, 0.25 - 1e-5, 0.25 - 1e-9, 0.25]
     unit = go_on(start(make()), [(a, b - a) for a, b in pairwise(points)])
     assert not unit.step(time, 1e-12)
@@ -229,7 +229,7 @@ def test_impossible_step_sizes_are_refused_at_once(make: Make, step: float, word
 # ---- start and stop time -----------------------------------------------------------------------
 
 
-def test_a_step_past_the_stop_time_is_refused(make: Make) -> None:
+def test_step_past_the_stop_time_is_refused(make: Make) -> None:
     unit, second = start(make(), stop=1.0, **COARSE), start(make("other"))
     second.restore(unit.save())  # which contains the stop time
     for each in (unit, second):
@@ -262,7 +262,7 @@ def test_steps_that_reach_the_stop_time_but_for_rounding_are_done(
         *((x, None, f"the start time {x} is not a finite number of seconds.") for x in (math.nan, math.inf)),
     ],
 )
-def test_wrong_start_and_stop_times_are_refused(
+def test_invalid_start_and_stop_times_are_refused(
     make: Make, first: float, stop: float | None, words: str
 ) -> None:
     unit = make()
@@ -270,7 +270,7 @@ def test_wrong_start_and_stop_times_are_refused(
     assert words in unit.messages[0]
 
 
-def test_a_run_may_stop_where_it_starts_or_never(make: Make) -> None:
+def test_run_may_stop_where_it_starts_or_never(make: Make) -> None:
     unit = start(make(), time=1.0, stop=1.0)
     assert unit.get("x") == [0.125]
     assert not unit.step(1.0, 0.1)
@@ -290,7 +290,7 @@ TRIES: dict[str, Steps] = {
 
 
 @pytest.mark.parametrize("tries", TRIES)
-def test_a_run_continues_as_if_discarded_steps_had_not_been_tried(make: Make, tries: str) -> None:
+def test_discarded_steps_change_no_bits(make: Make, tries: str) -> None:
     """The own time of an FMU is compared through the saved state, which contains it to the bit."""
     rolled_back, straight = (go_on(start(make()), SUMS[:AT]) for _ in range(2))
     rolled_back.set(force=math.nan)
@@ -339,9 +339,7 @@ def test_outputs_follow_start_values_and_stay_between_steps(make: Make) -> None:
     ("name", "value"),
     [("body.mass", 0.0), ("body.mass", 11.0), ("body.mass", math.nan), ("body.mass", math.inf), ("shape", 3)],
 )
-def test_a_value_out_of_range_is_refused_when_initialization_ends(
-    make: Make, name: str, value: float
-) -> None:
+def test_value_out_of_range_is_refused_when_initialization_ends(make: Make, name: str, value: float) -> None:
     unit = make()
     unit.set(**{name: value})
     assert unit.enter() and not unit.exit()
@@ -349,7 +347,7 @@ def test_a_value_out_of_range_is_refused_when_initialization_ends(
     assert unit.set(**{name: 2}) and unit.exit()
 
 
-def test_computed_values_and_late_parameters_cannot_be_set(make: Make) -> None:
+def test_computed_values_and_parameters_cannot_be_set_after_initialization(make: Make) -> None:
     unit = make()
     assert not unit.set(power=1.0)
     start(unit)

@@ -62,7 +62,7 @@ increasing = st.lists(st.integers(1, 400), min_size=1, max_size=12).map(
 
 @settings(max_examples=12)
 @given(data=st.data(), times=increasing, shift=st.sampled_from([0.0, -1.37, 0.5]))
-def test_values_between_rows_are_those_of_numpy_and_scipy(
+def test_values_between_rows_match_numpy_and_scipy(
     data: st.DataObject, times: Array, shift: float, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     times = times + shift
@@ -123,7 +123,7 @@ def test_spans_have_the_means_of_scipy(
         np.testing.assert_allclose(actual[f"step.mean.{name}"], exact, rtol=1e-7, atol=1e-7 * size)
 
 
-def test_the_line_of_a_step_ends_before_a_jump_and_is_its_mean_over_one(tmp_path: Path) -> None:
+def test_line_of_a_step_ends_before_a_jump_and_is_its_mean_over_one(tmp_path: Path) -> None:
     """At 0.2 s between points, at 0.5 s at one; the data repeat after 0.8 s, with a jump."""
     times = np.array([0.0, 0.2, 0.2, 0.5, 0.5, 0.8])
     values = np.array([1.0, 3.0, 5.0, 2.0, 4.0, 4.0])
@@ -159,7 +159,7 @@ def test_splines_are_periodic_only_in_repeated_tables(end: str, tmp_path: Path) 
         np.testing.assert_allclose(actual[name], spline(points, order), rtol=1e-9, atol=1e-9)
 
 
-def test_the_first_row_of_a_repeated_table_replaces_the_last(tmp_path: Path) -> None:
+def test_first_row_of_a_repeated_table_replaces_the_last(tmp_path: Path) -> None:
     """From the first row on: before it, the table rests."""
     table = a_table(np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 9.0]), "repeat")
     actual = outputs(table, tmp_path, 0.0, 0.5, 12)
@@ -168,7 +168,7 @@ def test_the_first_row_of_a_repeated_table_replaces_the_last(tmp_path: Path) -> 
     np.testing.assert_allclose(actual["linear"], expected, atol=1e-12)
 
 
-def test_a_table_that_stops_asks_the_host_to_end(tmp_path: Path) -> None:
+def test_table_that_stops_asks_the_host_to_end(tmp_path: Path) -> None:
     table = a_table(np.array([0.0, 1.0]), np.array([0.0, 1.0]), "stop")
     with opened(build_table(table, tmp_path / "t.fmu"), tmp_path / "t") as session:
         slave = session.instance()
@@ -176,7 +176,7 @@ def test_a_table_that_stops_asks_the_host_to_end(tmp_path: Path) -> None:
         with refused(DISCARD):
             slave.doStep(0.75, 0.5)
         assert slave.getBooleanStatus(fmi2Terminated) and session.get(slave, "linear") == [0.75]
-        slave.doStep(0.75, 0.25)  # a step that fits goes on
+        slave.doStep(0.75, 0.25)  # a shorter step is possible
         assert session.get(slave, "linear") == [1.0] and not slave.getBooleanStatus(fmi2Terminated)
 
 
@@ -203,7 +203,7 @@ def test_states_of_tables_are_restored_and_instances_are_independent(tmp_path: P
         assert elsewhere.get(second, "linear") == after
 
 
-def test_an_output_is_its_column_in_its_own_unit(tmp_path: Path) -> None:
+def test_output_is_its_column_in_its_own_unit(tmp_path: Path) -> None:
     columns = [
         TableOutput("lift.plant.F_L", 0, factor=1e-3, offset=2.0, unit=NEWTON, description='<a> & "b"')
     ]

@@ -51,7 +51,7 @@ SPOKEN = [name for name in _PREFIXABLE if name not in _AMBIGUOUS]
         if not n.startswith(("deg", "delta")) and n not in ("°C", "°F")
     ],
 )
-def test_units_are_those_of_pint(symbol: str) -> None:
+def test_units_match_pint(symbol: str) -> None:
     existing = {**_PREFIXABLE, **_NOT_PREFIXABLE}[symbol]
     if symbol in ("Hz", "kHz", "MHz"):  # which pint takes for radians per second
         assert existing.exponents == _NOT_PREFIXABLE["Hz"].exponents

@@ -30,7 +30,7 @@ def motion(machine: MachineModel, seed: int) -> tuple[np.ndarray, np.ndarray, np
 
 
 @pytest.mark.parametrize("assembly", [-3.1, -1.5, 0.0, 1.5, 3.1])
-def test_hook_hangs_down_however_it_is_assembled(assembly: float) -> None:
+def test_hook_hangs_down_from_any_assembly(assembly: float) -> None:
     machine = MachineModel(crane(assembly))
     q, *_ = motion(machine, 1)
     points = machine.points(q, ["hook", "hook.load"])
@@ -64,8 +64,7 @@ def test_rate_of_a_load_that_hangs_is_not_that_of_its_boom() -> None:
     q, v, a = motion(machine, 4)
     lighter, heavier = (machine.forces(q, v, a, m) for m in (200.0, 210.0))
     slopes = np.stack(
-        [(machine.tip(q + STEP * e) - machine.tip(q - STEP * e)) / (2.0 * STEP) for e in np.eye(3)],
-        axis=2,
+        [(machine.tip(q + STEP * e) - machine.tip(q - STEP * e)) / (2.0 * STEP) for e in np.eye(3)], axis=2
     )
     before, now, after = (machine.tip(q + t * v + 0.5 * t * t * a) for t in (-STEP, 0.0, STEP))
     force = 10.0 * ((before - 2.0 * now + after) / STEP**2 + [0.0, G])

@@ -57,7 +57,7 @@ def quintic(problem: MotionProblem, count: int = 2001) -> float:
 
 
 @pytest.mark.parametrize("name", MACHINES)
-def test_bounds_hold_and_forces_are_those_of_the_machine(name: str) -> None:
+def test_bounds_hold_and_forces_match_the_machine(name: str) -> None:
     problem, solution = best(name)
     spline = solution.spline(COARSE)
     assert spline.joints == problem.machine.names
@@ -99,7 +99,7 @@ def gained(problem: MotionProblem) -> float:
         [("excavator", (1.9, -0.5), 0.5), ("lift_table", None, 0.5)],
     ),
 )
-def test_the_tip_passes_its_way_point(name: str, via: tuple[float, float] | None, at: float) -> None:
+def test_tip_passes_its_way_point(name: str, via: tuple[float, float] | None, at: float) -> None:
     """The table has one actuator, so its way-point must be on the path of the tip."""
     position = via or fresh(task(name)).tip(np.array([[0.123]]))[0].tolist()
     problem = task(name, via=[{"tip": position, "at": at}])
@@ -115,7 +115,7 @@ OBSTACLES = [
 
 
 @pytest.mark.parametrize(("name", "point", "form"), mostly_slow(OBSTACLES, OBSTACLES[1:]))
-def test_an_obstacle_is_avoided(name: str, point: str, form: dict[str, Any]) -> None:
+def test_obstacle_is_avoided(name: str, point: str, form: dict[str, Any]) -> None:
     free, solution = best(name)
     spline = solution.spline(COARSE)
     middle = free.machine.points(spline.evaluated([0.5 * spline.end]))[point][0]
@@ -134,7 +134,7 @@ def test_an_obstacle_is_avoided(name: str, point: str, form: dict[str, Any]) -> 
     assert around.cost >= solution.cost
 
 
-def test_an_obstacle_on_the_only_way_is_named() -> None:
+def test_obstacle_on_the_only_way_is_named() -> None:
     low, high = fresh(task("lift_table")).tip(np.array([[0.02], [0.2]]))
     middle = (0.5 * (low + high)).tolist()
     problem = task(
@@ -152,7 +152,7 @@ def test_bounds_in_the_way_have_the_names_of_the_actuators() -> None:
 
 
 @pytest.mark.slow
-def test_a_platform_moves_in_space_around_a_box() -> None:
+def test_platform_moves_in_space_around_a_box() -> None:
     q_E = [0.45, 0.4, 0.42, 0.5, 0.43, 0.47]
     free = load_problem({"machine": "stewart", "q_E": q_E, "t_M": 6.0})
     how = Discretisation(knots=6, points=4)

@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 
 from emla_cosim.study.machines.schema import load_machine
-from fmublock.row_array import RowArray
-from machine_fmu.exact import MINUS_ONE, ONE, ZERO
 from machine_fmu.model import MachineModel
 
 ROWS = 20
@@ -32,14 +30,6 @@ def test_arrays_and_symbols_have_the_same_forces_and_energies(name: str) -> None
     ):
         expected = np.array(function.map(ROWS)(*arguments, masses[None])).T
         assert actual == pytest.approx(expected, rel=1e-13, abs=1e-13 * np.abs(expected).max())
-
-
-def test_exact_numbers_and_arrays() -> None:
-    x = np.array([-0.5, 0.25]).view(RowArray)
-    assert (x * ZERO, ZERO * x) == (ZERO, ZERO)
-    assert [*(x + ONE)] == [*(ONE + x)] == [0.5, 1.25]
-    assert [*(MINUS_ONE * x)] == [*(ZERO - x)] == [0.5, -0.25]
-    assert [*(ONE / x)] == [-2.0, 4.0]
 
 
 def test_poses_that_do_not_close_are_nan_without_a_warning(recwarn: pytest.WarningsRecorder) -> None:

@@ -30,7 +30,7 @@ def parameters(block: Any) -> dict[str, Any]:
 # ---- the same numbers and equations as elsewhere -----------------------------------------------
 
 
-def test_actuators_are_those_of_the_joints() -> None:
+def test_actuators_match_the_joints() -> None:
     actual = parameters(HdrmPlant)
     mechanics = ("J_m", "B_m", "J_c", "rho", "J_GB", "eta_GB", "lead", "M_BS", "B_BS", "C_eq")
     for name in (*mechanics, "q_LB", "q_UB", "v_max"):
@@ -39,7 +39,7 @@ def test_actuators_are_those_of_the_joints() -> None:
 
 @given(m=MOMENTS)
 @settings(max_examples=25)
-def test_equations_are_those_of_lagrange(m: Moment) -> None:
+def test_equations_match_lagrange(m: Moment) -> None:
     load = started(HdrmManipulator, {"payload.m": m.payload, "x_L": m.q, "v_L": m.v, "a_L": m.a})
     forces = LAGRANGIAN.forces(m.q, m.v, m.a, m.payload)
     assert load["F_L"] == pytest.approx(forces, rel=1e-10, abs=1e-10 * max(map(abs, forces)))
@@ -90,7 +90,7 @@ HANGING = {
     "start.x_L[3]": 0.2,
     "start.v_L[1]": 0.1,
     "start.v_L[2]": -0.1,
-    "screw.C_eq[3]": 12.0,  # a spring that bears the payload
+    "screw.C_eq[3]": 12.0,  # a spring that carries the payload
     "screw.q_UB[3]": 3.0,
     **{f"screw.v_max[{i}]": 10.0 for i in (1, 2, 3)},
     "solver.internal_step": 1e-4,
@@ -112,7 +112,7 @@ def test_energy_is_conserved_over_ten_seconds_of_free_motion(sessions: dict[str,
     stiffness = 12.0 * 2.0 * np.pi / 0.01 * 0.9
     total = energy + 0.5 * stiffness * x[2] ** 2
     assert np.ptp(total) <= 1e-9 * np.ptp(energy)
-    # and it is no rest that is conserved
+    # and the machine moves
     assert np.all(np.ptp(x, axis=1) > 0.1)
     assert np.ptp(energy) > 1e3
 
@@ -120,7 +120,7 @@ def test_energy_is_conserved_over_ten_seconds_of_free_motion(sessions: dict[str,
 # ---- what leaves the machine --------------------------------------------------------------------
 
 
-def test_a_step_beyond_the_triangle_is_discarded() -> None:
+def test_step_beyond_the_triangle_is_discarded() -> None:
     plant = started(HdrmPlant, {"tau_m": [2000.0, 8.0, -6.0]})
     time = 0.0
     with pytest.raises(StepDiscardedError, match=r"x_L\[\d\] became nan"):

@@ -70,7 +70,7 @@ def test_separating_directions_exist_for_what_is_apart(form: dict[str, Any]) -> 
         ({"centre": [1.0, 2.0], "radius": 1.0, "colour": 3}, "unknown entry 'colour'"),
     ],
 )
-def test_wrong_obstacles_are_refused(form: dict[str, Any], words: str) -> None:
+def test_invalid_obstacles_are_refused(form: dict[str, Any], words: str) -> None:
     with pytest.raises(CommandError) as error:
         load_problem({"obstacles": [form]})
     assert words in str(error.value)

@@ -74,7 +74,7 @@ def test_all_bounds_hold_on_a_dense_grid(spline: Spline, figures: Assessment) ->
         assert abs(peak.speed) == pytest.approx(np.abs(v[:, i]).max(), rel=1e-3)
 
 
-def test_the_default_motion_is_reproduced(spline: Spline, figures: Assessment) -> None:
+def test_default_motion_is_reproduced(spline: Spline, figures: Assessment) -> None:
     """All starts end 1e-7 of the cost apart here; another machine's linear algebra may add to that."""
     stored = default_spline()
     times = np.linspace(0.0, 37.7, 1001)
@@ -174,7 +174,7 @@ def test_accelerations_and_jerks_keep_their_bounds(
     assert not loose.within_bounds
 
 
-def test_the_least_time_with_bounded_acceleration_is_that_of_the_closed_form() -> None:
+def test_least_time_with_bounded_acceleration_matches_the_closed_form() -> None:
     """From rest to rest over d, half of the time with a and half with -b: t^2 = 2 d (1/a + 1/b)."""
     a, b, way = 0.02, 0.05, 0.2
     least = np.sqrt(2.0 * way * (1.0 / a + 1.0 / b))
@@ -203,7 +203,7 @@ READINGS = [
 ]
 
 
-def test_the_table_contradicts_itself_in_one_place() -> None:
+def test_table_contradicts_itself_in_one_place() -> None:
     (sentence,) = find_contradictions(PRINTED)
     assert sentence.startswith(
         "v_E[3] = -0.5477 m/s of the telescope is beyond its own bounds, -0.21 to 0.21"
@@ -215,7 +215,7 @@ def test_the_table_contradicts_itself_in_one_place() -> None:
 
 
 @pytest.mark.parametrize(("reading", "v_E"), mostly_slow(READINGS, READINGS[1:2]))
-def test_every_reading_ends_as_it_says(reading: EndSpeed, v_E: tuple[float, ...]) -> None:
+def test_each_reading_has_its_end_speeds(reading: EndSpeed, v_E: tuple[float, ...]) -> None:
     problem = PRINTED.read_as(reading)
     motion, figures = narrowed(solved(problem, COARSE), problem, COARSE, lambda: None)
     spline = motion.spline(COARSE)
@@ -258,7 +258,7 @@ IMPOSSIBLE = [
 
 
 @pytest.mark.parametrize(("changes", "guilty"), mostly_slow(IMPOSSIBLE, IMPOSSIBLE[1:2]))
-def test_an_impossible_problem_names_the_violated_bound(changes: dict[str, Any], guilty: str) -> None:
+def test_impossible_problem_names_the_violated_bound(changes: dict[str, Any], guilty: str) -> None:
     problem = replace(CLIPPED, **changes)
     with pytest.raises(NoMotionError, match=f"no motion keeps all bounds; .*{guilty}"):
         solved(problem, COARSE)

@@ -43,7 +43,7 @@ def way(q: Any, start: Any) -> float:
 
 @given(start=anywhere(), q=anywhere())
 @examples(6, 20, phases=[Phase.explicit, Phase.generate])
-def test_the_posture_of_a_position_is_the_nearest_to_the_start(start: Any, q: Any) -> None:
+def test_posture_of_a_position_is_the_nearest_to_the_start(start: Any, q: Any) -> None:
     at = tip(q)
     actual = nearest_posture(REACH, (at.real, at.imag), start, everything)
     if actual is None:  # only at the border, where one rounded stroke of the telescope reaches it
@@ -66,7 +66,7 @@ def test_only_allowed_postures_are_chosen() -> None:
     "position",
     [(5.0, 1.0), *(pytest.param(p, marks=pytest.mark.slow) for p in [(0.3, 0.3), (-2.0, 0.0), (1.0, 4.5)])],
 )
-def test_the_nearest_position_in_reach_is_nearer_than_any_random_one(position: tuple[float, float]) -> None:
+def test_nearest_position_in_reach_is_nearer_than_any_random_one(position: tuple[float, float]) -> None:
     draw = np.random.default_rng(4)
     aim = complex(*position)
     nearest = min(abs(tip(q) - aim) for q in draw.uniform(size=(4000, 3)) * HDRM.q_UB)
@@ -81,7 +81,7 @@ def test_the_nearest_position_in_reach_is_nearer_than_any_random_one(position: t
     assert f"out of the tip's reach by {abs(complex(x, y) - aim):.3g} m" in message
 
 
-def test_a_motion_passes_its_way_points() -> None:
+def test_motion_passes_its_way_points() -> None:
     vias = (Via((2.6, -0.4), at=0.3), Via((3.0, 0.2)))
     problem = paper_problem(tip_E=(3.2, 0.5), via=vias, v_S=REST, v_E=REST)
     assert find_contradictions(problem) == []
@@ -95,7 +95,7 @@ def test_a_motion_passes_its_way_points() -> None:
     assert figures.least_cost <= figures.cost
 
 
-def test_the_optimiser_uses_the_free_stroke() -> None:
+def test_optimiser_uses_the_free_stroke() -> None:
     free = paper_problem(tip_E=(3.2, 0.5), v_S=REST, v_E=REST)
     (guess,) = free.guesses
     assert guess is not None

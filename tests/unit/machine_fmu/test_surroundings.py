@@ -53,7 +53,7 @@ def strokes(problem: MotionProblem, how: Discretisation) -> tuple[np.ndarray, bo
 
 
 @pytest.mark.slow
-def test_the_ground_bends_a_motion_that_would_come_too_close() -> None:
+def test_ground_bends_a_motion_that_would_come_too_close() -> None:
     free = solved(replace(LOW_AND_SINKING, ground_clearance=None), COARSE)
     positions = free.spline(COARSE).evaluated(np.linspace(0.0, free.duration, 4001))
     lowest = min(height(LOW_AND_SINKING, q) for q in positions)
@@ -107,7 +107,7 @@ def test_no_motion_between_random_postures_touches_the_ground(seed: int) -> None
 
 @given(q=anywhere())
 @settings(deadline=None, max_examples=20)
-def test_a_posture_below_the_ground_is_refused_with_the_distance(q: Any) -> None:
+def test_posture_below_the_ground_is_refused_with_the_distance(q: Any) -> None:
     at = height(paper_problem(), q)
     messages = [m for m in find_contradictions(paper_problem(q_E=q)) if "the ground" in m]
     assert len(messages) == (at < 0.2)
@@ -120,7 +120,7 @@ def test_a_posture_below_the_ground_is_refused_with_the_distance(q: Any) -> None
 
 @given(q=anywhere())
 @settings(deadline=None, max_examples=8)
-def test_distances_are_those_of_the_geometry(q: Any) -> None:
+def test_distances_match_the_geometry(q: Any) -> None:
     at, row = points(HDRM, q), np.array([q])
     machine = paper_problem().machine
     ground = ground_approach(machine, -1.0, np.zeros(1), machine.points(row))
@@ -138,7 +138,7 @@ def test_distances_are_those_of_the_geometry(q: Any) -> None:
     assert actual.distance > 0.378  # so no stroke of this machine brings the boom to its body
 
 
-def test_a_boom_at_the_body_is_refused() -> None:
+def test_boom_at_the_body_is_refused() -> None:
     """The tilt of this machine can fold the boom back to the base."""
     problem = paper_problem(machine=FOLDING, q_E=(0.4, 0.02, 0.2), ground_clearance="off")
     near = base_approach(problem.machine, np.zeros(1), problem.machine.points(np.array([problem.q_E])))
@@ -149,7 +149,7 @@ def test_a_boom_at_the_body_is_refused() -> None:
     assert not any("the base" in actual for actual in find_contradictions(off))
 
 
-def test_a_motion_along_the_body_is_reported() -> None:
+def test_motion_along_the_body_is_reported() -> None:
     """From above the base to below it, as no solver would do it: the boom passes the base on its way."""
     line = Spline(1, [0.0, 0.0, 1.0, 1.0], {"lift": [0.5, 0.5], "tilt": [0.6, 0.02], "telescope": [0.2, 0.2]})
     problem = paper_problem(machine=FOLDING, ground_clearance="off")

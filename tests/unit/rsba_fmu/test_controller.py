@@ -27,8 +27,8 @@ def outputs(g: gains.RsbaGains, **values: float) -> Any:
     """Outputs of such a controller by name."""
     instance = controller(g, **values)
     names = ("u_q", "u_d", "i_q_ref", "saturated", "P[1]", "P[2]", "P[3]", "P[4]")
-    found = dict(zip(names, instance.get([REFERENCE(n) for n in names]), strict=True))
-    return SimpleNamespace(**{n.replace("[", "_").rstrip("]"): v for n, v in found.items()})
+    values_by_name = dict(zip(names, instance.get([REFERENCE(n) for n in names]), strict=True))
+    return SimpleNamespace(**{n.replace("[", "_").rstrip("]"): v for n, v in values_by_name.items()})
 
 
 signals = st.fixed_dictionaries(
@@ -49,7 +49,7 @@ signals = st.fixed_dictionaries(
 
 
 @given(st.floats(-0.05, 0.05))
-def test_the_approach_speed_can_be_braked(error: float) -> None:
+def test_approach_speed_can_be_braked(error: float) -> None:
     """Within k e, monotone, and v^2 / 2 never more than a_max over the distance left."""
     g = ROBUST["lift"]
     # on the reference's speed, -a_1 is what P_2 shows beyond the speed error
@@ -67,11 +67,13 @@ def test_the_approach_speed_can_be_braked(error: float) -> None:
 @given(signals)
 def test_limits_hold_and_are_reported(s: dict[str, float]) -> None:
     g = ROBUST["lift"]
-    found = outputs(g, **s)
-    assert abs(found.i_q_ref) <= LIFT.i_max
-    assert math.hypot(found.u_q, found.u_d) <= LIFT.u_max * (1 + 1e-12)
-    at_limit = abs(found.i_q_ref) == LIFT.i_max or math.hypot(found.u_q, found.u_d) > LIFT.u_max * (1 - 1e-12)
-    assert found.saturated == float(at_limit)
+    actual = outputs(g, **s)
+    assert abs(actual.i_q_ref) <= LIFT.i_max
+    assert math.hypot(actual.u_q, actual.u_d) <= LIFT.u_max * (1 + 1e-12)
+    at_limit = abs(actual.i_q_ref) == LIFT.i_max or math.hypot(actual.u_q, actual.u_d) > LIFT.u_max * (
+        1 - 1e-12
+    )
+    assert actual.saturated == float(at_limit)
 
 
 @given(theta_max=st.floats(1.0, 1e8), step=st.floats(1e-6, 1e-2), error=st.floats(-0.1, 0.1))

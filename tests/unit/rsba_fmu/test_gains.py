@@ -55,8 +55,8 @@ def test_each_set_has_its_switches(gains: Mapping[str, RsbaGains], on: set[str])
 
 
 @pytest.mark.parametrize("joint", ROBUST)
-def test_the_motor_can_brake_with_a_max_against_its_load(joint: str) -> None:
+def test_motor_can_brake_with_a_max_against_its_load(joint: str) -> None:
     """Torque that is left beside the load's, per equivalent inertia (5)."""
     emla = EMLAS[joint]
-    left = emla.tau_max - emla.D_eq * abs(LOADS[joint])
-    assert 0.0 < ROBUST[joint].a_max <= left / emla.A_eq
+    spare_torque = emla.tau_max - emla.D_eq * abs(LOADS[joint])
+    assert 0.0 < ROBUST[joint].a_max <= spare_torque / emla.A_eq
