@@ -69,7 +69,7 @@ def _simulate_step(
     free, running = list(range(count)), list[tuple[float, int, int]]()
     urgent_tasks = [list[tuple[float, int]]() for _ in (0, 1)]  # for all lanes, and for the first lane only
     ready = [task_number for task_number, n in enumerate(waits) if not n]
-    while ready or running:
+    while ready or running or any(urgent_tasks):
         while ready:
             task_number = ready.pop()
             start_times[task_number] = now
