@@ -108,6 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for block in blocks:
             Recipe.of(block, options.flavour, disclosure=disclosure, fmi=options.fmi, clock=options.clock)
         paths = [options.output / f"{name}.fmu" for name in names]
+        # before anything is compiled, so that the last of many blocks does not fail after minutes
         for path in paths:
             _check_output_path(path, options.overwrite)
         for block, path in zip(blocks, paths, strict=True):

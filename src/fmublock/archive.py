@@ -116,6 +116,7 @@ def write_archive(
     path.parent.mkdir(parents=True, exist_ok=True)
     with write_atomically(path, check) as stream, zipfile.ZipFile(stream, "w") as archive:
         for name in sorted(files):
+            # the time and the permissions of files would differ between builds of the same content
             entry = zipfile.ZipInfo(name, _ZIP_EPOCH)
             entry.compress_type = zipfile.ZIP_STORED if name in stored else zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16

@@ -70,6 +70,7 @@ def build(
         raise BuildError("FMUs of the flavour python contain PythonFMU's own binaries; omit the platforms.")
     check_replaceable(Path(path), overwrite)
     draft = draft_of(recipe)
+    # any key marks the file as built here, so that it can be replaced
     key = recipe.key() or draft.key
     write_fmu(draft, key, flavour, platforms, Path(path), advance, lambda p: check_replaceable(p, overwrite))
     return Path(path)

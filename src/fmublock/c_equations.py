@@ -105,6 +105,7 @@ class CEquations:
     def __init__(self, symbolic: SymbolicBlock, values: Sequence[Rank], discrete: Sequence[int]) -> None:
         self._graph = Graph([[Rank.MOVING], values, [Rank.MOVING], [Rank.MOVING] * len(values)])
         results = {f.name(): self._graph.results(f) for f in symbolic.functions()}
+        # outputs belong to the end of a step: they see the new discrete states
         updated = {(1, r): number for r, number in zip(discrete, results["update"], strict=True)}
         outputs = self._graph.results(symbolic.outputs, updated)
         results["update_and_outputs"] = [*results.pop("update"), *outputs]
@@ -117,11 +118,13 @@ class CEquations:
         self.n_fixed, self.n_stepwise = len(fixed), len(stepwise)
         self.functions = {
             "fixed_values": self._format_function(
-                "fixed_values(const double *v, double *fixed)", self._list_targets(fixed), {}
+                "fixed_values(const double *v, double *fixed)",
+                [(target, number) for number, target in fixed.items()],
+                {},
             ),
             "stepwise_values": self._format_function(
                 "stepwise_values(const double *v, const double *fixed, double *stepwise)",
-                self._list_targets(stepwise),
+                [(target, number) for number, target in stepwise.items()],
                 fixed,
             ),
         }
@@ -159,10 +162,6 @@ class CEquations:
         ]
         return "\n".join(lines)
 
-    @staticmethod
-    def _list_targets(expressions: Mapping[int, str]) -> list[tuple[str, int]]:
-        return [(target, number) for number, target in expressions.items()]
-
     def _format_function(
         self, signature: str, targets: Sequence[tuple[str, int]], expressions: Mapping[int, str]
     ) -> str:
@@ -197,6 +196,7 @@ class CEquations:
         """Return all operations; those under the same conditions share a branch if their order allows it."""
         blocks = list(self._group_by_scope(numbers, scopes))
         block_of = {number: k for k, (_, block) in enumerate(blocks) for number in block}
+        # declared before the braces, because other blocks read them
         shared = {
             i
             for n in numbers
@@ -231,6 +231,7 @@ class CEquations:
         for number in (n for n in numbers if not missing_operands[n]):
             heappush(ready.setdefault(scopes[number], []), number)
         while ready:
+            # unconditional operations first: more operations of a branch are ready then
             scope = () if () in ready else min(ready, key=lambda s: ready[s][0])
             block = []
             while ready.get(scope):
@@ -252,6 +253,7 @@ class CEquations:
     def _format_operand(self, number: int, expressions: Mapping[int, str]) -> str:
         operation = self._graph.operations[number]
         if operation.code == CONST:
+            # in parentheses: a minus before -1.0 would be the operator `--`
             text = c_number(operation.value)
             return f"({text})" if text.startswith("-") else text
         if operation.code == INPUT:

@@ -36,6 +36,7 @@ def find_prebuilt(*parts: str) -> Path | None:
         parts: folders and name of the file in a cache.
     """
     path = PREBUILT.joinpath(*parts)
+    # the libraries in wheels are for glibc
     return path if path.is_file() and not has_musl() else None
 
 
@@ -89,6 +90,7 @@ def _make_temporary_folder() -> Path:
     folder = Path(tempfile.gettempdir()) / f"emla-cosim-{user}"
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
+        # another user may have created the folder before, and could put libraries into it
         status = folder.lstat()
         if folder.is_symlink() or (
             hasattr(os, "getuid") and (status.st_uid != user or status.st_mode & 0o022)
@@ -102,6 +104,7 @@ def _make_temporary_folder() -> Path:
 def _is_writable(folder: Path) -> bool:
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        # permissions alone do not show a full disk or a read-only file system
         with tempfile.TemporaryFile(dir=folder):
             return True
     except OSError:

@@ -89,6 +89,7 @@ def compile_libraries(
                 libraries[f"binaries/{platform}/{name}{TARGETS[platform][1]}"] = library
                 advance()
         except BaseException:
+            # also after Ctrl-C: compilers would continue, and keep their temporary folders
             pool.shutdown(wait=False, cancel_futures=True)
             for process in running:
                 _end_process(process)
@@ -123,6 +124,7 @@ def _compile(
                 source_file.parent.mkdir(parents=True, exist_ok=True)
                 source_file.write_bytes(text)
         output = f"{name}{suffix}"
+        # mathematics are part of the C runtime of Windows
         libraries = [] if fmi_platform == "win64" else ["-lm"]
         libraries += ["-ldl"] if loads and "linux" in fmi_platform else []
         command = [sys.executable, "-m", "fmublock.compiler_process", str(os.getpid())]
@@ -136,6 +138,7 @@ def _compile(
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            # in its own group, a compiler can be ended together with what it starts
             process_group=None if sys.platform == "win32" else 0,
         ) as process:
             running.append(process)

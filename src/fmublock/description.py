@@ -87,11 +87,13 @@ def model_description(
     """Return the model description as UTF-8 XML."""
     layout = block.layout()
     all_scalars = (*layout.scalars, *(layout.derivatives if offers.derivatives else ()))
+    # hidden parameters keep value references: the C code finds variables by their position
     visible = {r: s for r, s in enumerate(all_scalars) if s.access is not Access.HIDDEN}
     scalars = tuple(visible.values())
     name = type(block).__name__
     root = describe_model(name, (block.__doc__ or name).strip().splitlines()[0], producer, guid)
     if offers.model_exchange:
+        # `where` in equations switches without an event
         root.set("numberOfEventIndicators", "0")
         _add_interface(root, "ModelExchange", name, offers, completedIntegratorStepNotNeeded="true")
     _add_interface(
@@ -182,6 +184,7 @@ def _add_interface(root: Element, kind: str, name: str, offers: FmuFeatures, **c
         canNotUseMemoryManagementFunctions="true",
     )
     if offers.derivatives:
+        # strong coupling needs fewer sweeps with them
         element.set("providesDirectionalDerivative", "true")
     if offers.source_files:
         files = SubElement(element, "SourceFiles")
@@ -210,6 +213,7 @@ def add_types(root: Element, scalars: Sequence[ScalarVariable], fmi: int = 2) ->
     if not units and not enumerations:
         return
     definitions = SubElement(root, "TypeDefinitions")
+    # sorted: sets of texts have another order in each process, and the bytes must not change
     for unit in sorted(units, key=lambda u: QUANTITIES[u].name):
         quantity = QUANTITIES[unit]
         real = _add_type(definitions, "Real", quantity.name, fmi)

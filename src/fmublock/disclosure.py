@@ -70,6 +70,7 @@ def _redeclare(block: Block, changed: Mapping[Parameter, Parameter]) -> Block:
     texts = {"__module__": owner.__module__, "__qualname__": owner.__qualname__, "__doc__": owner.__doc__}
     restricted = type(owner.__name__, (owner,), {**texts, **declared})
     restricted.origin, restricted.is_restricted = owner.origin, True
+    # without __init__, whose arguments are unknown here
     instance = object.__new__(restricted)
     vars(instance).update(vars(block))
     return instance
@@ -174,6 +175,7 @@ def _unknown_parameter_error(block: Block, name: str) -> DisclosureError:
 def _check_start(block: Block, restricted: Block) -> None:
     """Raise DisclosureError if the block with its new values cannot start, but could before."""
     refusal = _find_refusal(restricted)
+    # some blocks need values from the host before they start; only new problems count
     if refusal is not None and _find_refusal(block) is None:
         raise DisclosureError(f"no instance of this FMU could start: {refusal}")
 

@@ -145,6 +145,7 @@ def _format_number(value: float) -> str:
 def icon(block: Block) -> bytes:
     """Draw model.png: the block as a box with its inputs on the left and its outputs on the right."""
     os.environ.update(tool_environment())  # matplotlib reads them when it is imported
+    # without pyplot, which would choose a backend for the whole process
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -163,5 +164,6 @@ def icon(block: Block) -> bytes:
             axes.plot([edge, edge + 0.05 * sign], [y, y], color="#2f5d8a", lw=1.5)
             axes.text(edge - 0.02 * sign, y, name, ha=align, va="center", size=8)
     png = io.BytesIO()
+    # without the version of matplotlib, on which the bytes would depend
     FigureCanvasAgg(figure).print_png(png, metadata={"Software": None})
     return png.getvalue()

@@ -40,6 +40,7 @@ class Draft:
         self, path: Path, binaries: Mapping[str, bytes], key: str, check: Callable[[Path], object] = accept
     ) -> None:
         """Write the FMU with these further files and its key. Raises OSError, and what `check` raises."""
+        # the compiler needs the sources even if the FMU must not contain them
         included = {p: f for p, f in self.files.items() if self.has_sources or not p.startswith("sources/")}
         files = {**included, **binaries, "modelDescription.xml": self.description}
         write_archive(path, files, key_comment(key), check=check)
@@ -77,6 +78,7 @@ def draft(
     if documents.license is not None:
         files["documentation/licenses/license.txt"] = documents.license.encode()
     describe = fmi3_model_description if fmi == 3 else model_description
+    # described twice: the GUID is the hash of everything else, also of the description without it
     anonymous = describe(block, symbolic, producer, "", offers)
     guid = content_guid({**files, "modelDescription.xml": anonymous})
     description = describe(block, symbolic, producer, guid, offers)

@@ -65,6 +65,7 @@ def _find_positions(
     block: Block, function: Any, traceback: TracebackType | None
 ) -> Iterator[_SourcePosition]:
     """Yield the places of a traceback in the user's files, from the method inwards."""
+    # positions inside of fmublock or the standard library do not help the user
     files = {base.origin.file for base in type(block).__mro__ if issubclass(base, Block)}
     folders = {str(Path(file).parent) for file in files if file is not None} - {_PACKAGE_FOLDER}
     code, is_inside = getattr(function, "__code__", None), False

@@ -87,6 +87,7 @@ def write_atomically(path: Path, check: Callable[[Path], object] = accept) -> It
             stream.flush()
             os.fsync(stream.fileno())
         unfinished.chmod(_get_mode(file))
+        # checked again here: the file can appear while a command runs
         if os.path.lexists(file):
             real_place(file)
             check(file)
@@ -115,6 +116,7 @@ def _get_mode(path: Path) -> int:
     try:
         return stat.S_IMODE(path.stat().st_mode)
     except FileNotFoundError:
+        # the only way to read the mask is to set it
         mask = os.umask(0)
         os.umask(mask)
         return 0o666 & ~mask

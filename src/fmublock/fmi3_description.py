@@ -40,11 +40,8 @@ def fmi3_model_description(
     visible = {r: s for r, s in enumerate(all_scalars) if s.access is not Access.HIDDEN}
     name = type(block).__name__
     root = describe_model(name, (block.__doc__ or name).strip().splitlines()[0], producer, token, fmi=3)
-    capabilities = {
-        "modelIdentifier": name,
-        "canGetAndSetFMUState": "true",
-        "canSerializeFMUState": "true",
-    }
+    capabilities = {"modelIdentifier": name, "canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
+    # a clock ticks in event mode; steps between its ticks compute nothing that could be shown
     special = {"hasEventMode": "true"}
     if offers.clock is None:
         capabilities |= {
@@ -59,12 +56,7 @@ def fmi3_model_description(
         }
     if offers.model_exchange:
         SubElement(root, "ModelExchange", capabilities)
-    SubElement(
-        root,
-        "CoSimulation",
-        capabilities | special,
-        canHandleVariableCommunicationStepSize="true",
-    )
+    SubElement(root, "CoSimulation", capabilities | special, canHandleVariableCommunicationStepSize="true")
     described = (*visible.values(), time_variable(block))
     add_units(root, described)
     add_types(root, described, fmi=3)
@@ -97,7 +89,7 @@ def element_counts(block: Block) -> list[int]:
     others. The derivatives follow, and the time.
     """
     layout = block.layout()
-    counts = [_count_elements(s) for s in layout.scalars]
+    counts = [0 if any(s.index) else math.prod(s.variable.shape) for s in layout.scalars]
     return [*counts, *(counts[r] for r in layout.references(layout.states)), 1]
 
 
@@ -107,6 +99,7 @@ def time_variable(block: Block) -> ScalarVariable:
     name = "time"
     while name in names:
         name += "_"
+    # FMI 3.0 requires a variable for the time, and leaves its name free
     return ScalarVariable(Variable(name=name, unit="s", description="Time"), (), name, 0.0)
 
 
@@ -116,10 +109,6 @@ def time_reference(block: Block) -> int:
     return len(layout.scalars) + len(layout.derivatives)
 
 
-def _count_elements(scalar: ScalarVariable) -> int:
-    return 0 if any(scalar.index) else math.prod(scalar.variable.shape)
-
-
 def _add_variables(
     variables: Element, block: Block, visible: Mapping[int, ScalarVariable], lengths: Sequence[int]
 ) -> None:
@@ -127,6 +116,7 @@ def _add_variables(
     layout = block.layout()
     states = layout.references(layout.states)
     for reference, scalar in visible.items():
+        # an element inside of an array belongs to the variable of the first one
         if not lengths[reference]:
             continue
         fmi_type, of_state = scalar.variable.fmi_type, scalar
@@ -137,6 +127,7 @@ def _add_variables(
             name = str(of_state.variable.name)
             attributes |= {"name": f"der({name})", "derivative": str(state)}
             attributes["description"] = f"Time derivative of {name}"
+        # others do not change within a step
         if (attributes["causality"], attributes["variability"]) == ("output", "continuous"):
             attributes["intermediateUpdate"] = "true"
         element = SubElement(variables, FMI3_TYPES[fmi_type], attributes)
@@ -156,6 +147,7 @@ def _add_structure(
     structure: Element, block: Block, symbolic: "SymbolicBlock", lengths: Sequence[int]
 ) -> None:
     """Add the dependencies of outputs, derivatives and initial unknowns, each of whole variables."""
+    # the description has dependencies of variables; hosts ask for those of elements at run time
     first = list(accumulate(range(len(lengths)), lambda before, r: r if lengths[r] else before))
     model_structure = find_structure(block, symbolic, True, time_reference(block))
     for kind, unknowns in (
@@ -210,4 +202,5 @@ def _add_clock(variables: Element, structure: Element, interval: float) -> None:
     for unknown in list(structure):
         if unknown.tag != "Output":
             structure.remove(unknown)
+        # without this attribute, an unknown depends on all knowns
         unknown.attrib.pop("dependencies", None)

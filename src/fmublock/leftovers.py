@@ -53,6 +53,7 @@ def remove_folder(folder: str | Path) -> None:
     """Remove a folder with all that is in it; a few open files are enough. Errors are ignored."""
     with suppress(OSError):  # from audit hooks, which ignore_errors does not cover
         shutil.rmtree(folder, ignore_errors=True)
+        # rmtree has an open file for each level of folders, and gives up at the limit of open files
         for path, folders, files in os.walk(folder, topdown=False):
             for name in (*folders, *files):
                 entry = Path(path, name)
@@ -63,6 +64,7 @@ def remove_folder(folder: str | Path) -> None:
 
 def is_left(process: str, start: str, host: str) -> bool:
     """Return whether the process of a mark has ended. If that cannot be known, it has not."""
+    # in a shared folder, the process may run on another machine
     if host != _find_host_mark():
         return False
     try:
@@ -75,7 +77,7 @@ def is_left(process: str, start: str, host: str) -> bool:
 
 
 def _is_own_folder(entry: os.DirEntry[str]) -> bool:
-    """Return whether an entry is a folder of this user that nobody else can write to, and no link."""
+    """Return whether an entry is a folder that only this user can write to, and not a link."""
     status = entry.stat(follow_symlinks=False)
     return (
         stat.S_ISDIR(status.st_mode)

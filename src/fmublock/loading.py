@@ -80,6 +80,7 @@ def _run_file(file: Path) -> ModuleType:
             raise LoadError(
                 f"'{culprit}' is not valid Python: {error.msg} in line {error.lineno}."
             ) from error
+        # a script that calls sys.exit must not end the command
         except (Exception, SystemExit) as error:
             line = _describe_line(error, file)
             text = str(error).splitlines() or [""]
@@ -127,6 +128,7 @@ def _import_from(folder: Path) -> Iterator[None]:
         exists = (folder / f"{top}.py").is_file() or (folder / top / "__init__.py").is_file()
         return exists and top not in sys.stdlib_module_names and top != __package__
 
+    # an imported module of the same name must not replace the one beside the block
     hidden_modules = {name: module for name, module in sys.modules.items() if is_in_folder(name)}
     for name in hidden_modules:
         del sys.modules[name]

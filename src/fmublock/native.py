@@ -50,6 +50,7 @@ def native_draft(
         source_files=(_get_main_file(fmi),) if has_sources else (),
         clock=clock,
     )
+    # the GUID is the hash of all files, so that the file that contains it is added afterwards
     anonymous = draft(block, symbolic, producer, documents, content, offers, has_sources, fmi)
     guid_header = {"sources/guid.h": f'#define MODEL_GUID "{anonymous.guid}"\n'.encode()}
     return replace(anonymous, files={**anonymous.files, **guid_header})
@@ -86,11 +87,13 @@ def _format_model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock:
     if all(count == 1 for count in counts):
         counts = []  # then the compiler removes what only arrays need
     else:
+        # only for blocks that have some: the check costs time for each variable that a host reads
         lines.append("#define HAS_ARRAYS")
     types = "/* type: R Real, I Integer or enumeration, B Boolean;"
     letters = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B"}
     if fmi == 3:
         types = "/* type: R Float64, I Int32, E Enumeration, B Boolean;"
+        # FMI 3.0 exchanges enumerations as Int64
         letters["Enumeration"] = "E"
     if clock is not None:
         lines.append(f"#define CLOCK_INTERVAL {c_number(clock)}")
@@ -127,6 +130,7 @@ def _format_model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock:
         values = ", ".join(c_number(x) for x in (scalar.start, *variable.range, nominal))
         letter = letters[variable.fmi_type] if not counts or counts[reference] else " "  # inside of an array
         access = f"'{scalar.access.value}'" + (f", {counts[reference]}" if counts else "")
+        # a hidden name must not be in the binary either
         name = "" if scalar.access is Access.HIDDEN else scalar.name
         lines.append(f"    {{\"{name}\", '{letter}', {access}, {values}, {start_reference}}},")
     tables = _format_limits(block) + _format_conditions(symbolic.demands)
@@ -142,13 +146,16 @@ def _format_dependencies(block: Block, symbolic: SymbolicBlock) -> list[str]:
     """Return on which others values depend, as C."""
     structure = find_structure(block, symbolic, True, time_reference(block))
     unknowns = sorted({**structure.outputs, **structure.derivatives}.items())
-    rows = [f"    {{{unknown}, {known}}}," for unknown, knowns in unknowns for known in sorted(knowns)]
+    rows = [
+        f"    {{{unknown}, {reference}}}," for unknown, knowns in unknowns for reference in sorted(knowns)
+    ]
     return [
         "",
         f"#define N_DEPENDENCIES {len(rows)}",
         "static const struct {",
         "    int unknown, known;",
         "} dependencies[] = {",
+        # C has no empty arrays
         *(rows or ["    {-1, -1},"]),
         "};",
     ]

@@ -59,6 +59,7 @@ def python_draft(block: Block, producer: Producer, documents: Documents) -> Draf
     sources = gathered.texts
     sources["fmublock/slave.py"] = files("fmublock").joinpath("slave.py").read_text(encoding="utf-8")
     content = content_hash({path: text.encode() for path, text in sources.items()})
+    # names with the hash: two FMUs in one process would otherwise share modules of the same name
     package, slave = f"{name}_{content}", f"{name}_{content}_slave"
     resources = move_into_package(sources, package)
     resources[f"{slave}.py"] = _SLAVE.format(
@@ -83,6 +84,7 @@ def python_binaries(draft: Draft) -> dict[str, bytes]:
     """Return PythonFMU's binaries for all its platforms, by path. Raises BuildError without them."""
     name = type(draft.block).__name__
     binaries = {}
+    # PythonFMU brings its binaries; nothing is compiled, for any platform
     for file in sorted(_pythonfmu().glob("resources/binaries/*/*")):
         binaries[f"binaries/{file.parent.name}/{name}{file.suffix}"] = file.read_bytes()
     if not binaries:

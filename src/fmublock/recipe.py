@@ -135,10 +135,6 @@ class Recipe:
         """The model's name: that of the block's class."""
         return type(self.block).__name__
 
-    @property
-    def _settings(self) -> tuple[object, ...]:
-        return self.flavour, self.producer, self.documents, self.sources, self.fmi, self.clock
-
     def key(self) -> str | None:
         """64 hexadecimal digits that change with all that this FMU is made of.
 
@@ -147,6 +143,7 @@ class Recipe:
         the block has instance attributes, is not at the top of a file, reads files, or imports modules that
         are not known here.
         """
+        # attributes of an instance can be anything; only declarations can be compared
         if vars(self.block):
             return None
         try:
@@ -155,12 +152,14 @@ class Recipe:
             return None
         if sources.foreign or sources.reads_files:
             return None
-        parts = [module_of(type(self.block)), repr(self._settings)]
+        settings = self.flavour, self.producer, self.documents, self.sources, self.fmi, self.clock
+        parts = [module_of(type(self.block)), repr(settings)]
         parts += [*_describe_declarations(self.block), *_read_fmublock_files()]
         parts += [f"{path}\0{text}" for path, text in sorted(sources.texts.items())]
         digest = hashlib.sha256()
         for part in parts:
             encoded = part.encode()
+            # with lengths, so that a text cannot move from one part to the next unnoticed
             digest.update(f"{len(encoded)}\0".encode() + encoded)
         return digest.hexdigest()
 

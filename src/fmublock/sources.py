@@ -65,6 +65,7 @@ def gather_sources(block: type[Block], *more: str) -> Sources:
     for base in bases:
         if base.origin.module.split(".")[0] != _PACKAGE:
             files[module_of(base)] = _find_block_file(base)
+    # the key of an FMU has the text of fmublock anyway; only the FMU itself needs these modules
     search = _Search(files, follow_own=bool(more))
     gathered = Sources()
     waiting = [*files, *(f"{_PACKAGE}.{name}" for name in more)]
@@ -78,6 +79,7 @@ def gather_sources(block: type[Block], *more: str) -> Sources:
             continue
         text = _read(file, None if module.split(".")[0] == _PACKAGE else block.origin)
         gathered.texts[path] = text
+        # numbers from other files could change the FMU while its key stays
         is_outside = not file.is_relative_to(_IMPORT_ROOT)
         gathered.reads_files |= is_outside and re.search(r"\bopen\(", text) is not None
         package = module if file.name == "__init__.py" else module.rpartition(".")[0]
@@ -181,6 +183,7 @@ def _get_path(module: str, file: Path) -> str:
 
 def _read(file: Path, origin: Origin | None) -> str:
     """Read a file, which must not have changed since the block's origin, if there is one."""
+    # the FMU would get other equations than those that were checked
     if origin is not None and file.stat().st_mtime > origin.time:
         raise BuildError(
             f"'{file}' has changed since {origin.module} was imported; import it again, in a new process."
@@ -256,6 +259,7 @@ def _rewrite_imports(text: str, package: str, roots: set[str]) -> str:
     """Rewrite absolute imports of `roots` to imports from inside `package`."""
     lines = text.encode().splitlines(keepends=True)
     nodes = [n for n in ast.walk(ast.parse(text)) if isinstance(n, (ast.Import, ast.ImportFrom))]
+    # from the last to the first, so that positions of earlier statements stay valid
     for node in sorted(nodes, key=lambda n: (n.lineno, n.col_offset), reverse=True):
         start, end = node.lineno - 1, (node.end_lineno or node.lineno) - 1
         before, after = lines[start][: node.col_offset], lines[end][node.end_col_offset :]
@@ -281,6 +285,7 @@ def _rewrite_import(node: ast.Import | ast.ImportFrom, statement: str, package: 
         elif alias.asname:
             parts.append(f"from {package}{'.' if base else ''}{base} import {last}{name}")
         else:
+            # `import a.b` loads a.b, and binds the name a
             parts += [f"import {package}.{alias.name}"] if remainder else []
             parts.append(f"from {package} import {root}")
     return "; ".join(parts)

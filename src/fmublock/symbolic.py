@@ -53,6 +53,7 @@ def evaluate_symbolically(block: Block) -> SymbolicBlock:
     casadi.GlobalOptions.setSimplificationOnTheFly(False)
     try:
         with refuse_sum():
+            # twice: a second call shows random numbers, and values stored in the first
             first_pass, second_pass = ([_convert_method(block, m) for m in _METHODS] for _ in range(2))
     finally:
         casadi.GlobalOptions.setSimplificationOnTheFly(simplify)
@@ -103,6 +104,7 @@ def _convert_method(block: Block, method: str) -> tuple[casadi.Function, list[st
     expressions = [x.sx if isinstance(x, Symbol) else casadi.SX(x) for x in values]
     arguments = [time, casadi.vertcat(*symbols)]
     vector = casadi.vertcat(*expressions)
+    # a free symbol is one of an earlier call, which the caller reports with the method
     function = casadi.Function(method, arguments, [vector], {"allow_free": True})
     return function, results.attributes
 

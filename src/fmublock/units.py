@@ -52,13 +52,13 @@ class SiUnit:
         pairs = zip(BASE_UNITS, self.exponents or (), strict=False)
         return {base: exponent for base, exponent in pairs if exponent}
 
-    def measures_as(self, other: "SiUnit") -> bool:
+    def measures_as(self, unit: "SiUnit") -> bool:
         """Return whether both units are the same except for their names."""
-        return replace(self, name="") == replace(other, name="")
+        return replace(self, name="") == replace(unit, name="")
 
-    def has_dimension_of(self, other: "SiUnit") -> bool:
+    def has_dimension_of(self, unit: "SiUnit") -> bool:
         """Return whether both units are defined, with the same exponents except for that of the radian."""
-        return self.exponents is not None and self.exponents[:-1] == (other.exponents or ())[:-1]
+        return self.exponents is not None and self.exponents[:-1] == (unit.exponents or ())[:-1]
 
 
 def _make_unit(

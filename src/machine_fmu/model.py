@@ -113,10 +113,7 @@ class MachineModel(Mechanics):
         return coordinates
 
     def find_unknowns(
-        self,
-        q: np.ndarray,
-        payload: float | np.ndarray | None = None,
-        passive: np.ndarray | None = None,
+        self, q: np.ndarray, payload: float | np.ndarray | None = None, passive: np.ndarray | None = None
     ) -> np.ndarray:
         """Return the values of `unknowns` for each row of strokes; NaN where there are none."""
         passive = self.hanging(q, payload) if passive is None else np.asarray(passive, dtype=float)

@@ -170,6 +170,7 @@ def trajectory_parameters(spline: Spline) -> dict[str, float | int]:
 
 
 def _fill(name: str, values: Sequence[float], length: int) -> dict[str, float]:
+    # the curve stays the same: spans between equal knots are empty
     padded = [*values, *[values[-1]] * (length - len(values))]
     return {f"{name}[{i}]": float(x) for i, x in enumerate(padded, 1)}
 

@@ -39,7 +39,6 @@ from tests.support.step_control import LARGEST_CUT, LARGEST_GROWTH, SAFETY, Step
 from tests.support.tiers import mostly_slow
 from tests.support.two_masses import MASS, STIFFNESS, Part, rigid_load
 
-all_algorithms = pytest.mark.parametrize("name", ALGORITHMS)
 sizes = st.floats(-12.0, 6.0).map(lambda x: 10.0**x)
 
 
@@ -296,8 +295,9 @@ def test_infinite_value_does_not_make_every_later_error_small(infinity: float) -
         assert np.isfinite(stepping.algorithm.scale.largest).all()
         return stepping.steps
 
-    assert steps(infinity) == pytest.approx(steps(0.0), rel=0.1)
-    assert steps(0.0) > 100
+    finite = steps(0.0)
+    assert steps(infinity) == pytest.approx(finite, rel=0.1)
+    assert finite > 100
 
 
 @pytest.mark.parametrize("name", ["jacobi", "gauss-seidel"])
@@ -361,7 +361,6 @@ def test_impossible_tolerances_are_refused(tolerance: float) -> None:
         Options().updated({"error_tolerance": tolerance})
 
 
-@all_algorithms
 @pytest.mark.parametrize(
     ("ability", "message"),
     [
@@ -369,11 +368,11 @@ def test_impossible_tolerances_are_refused(tolerance: float) -> None:
         ("varies_step", "error control needs FMUs with canHandleVariableCommunicationStepSize; clock cannot"),
     ],
 )
-def test_instances_must_have_states_and_vary_the_step(name: str, ability: str, message: str) -> None:
+def test_instances_must_have_states_and_vary_the_step(ability: str, message: str) -> None:
     network = ending(0.0, True)
     setattr(network.instances[0], ability, False)
     with pytest.raises(CommandError, match=message):
-        controlled(network, ALGORITHMS[name](), 1.0, 0.1, 1e-3)
+        controlled(network, Jacobi(), 1.0, 0.1, 1e-3)
 
 
 @pytest.mark.parametrize(("name", "multiple"), [("jacobi", 2), ("gauss-seidel", 2), ("strong", 1)])

@@ -29,26 +29,21 @@ def cover_pairs(cases: Sequence[Case], already_met: Iterable[tuple[str, str]] = 
     return selected
 
 
-def select(systems: Collection[str], coupled: bool = True) -> list:
-    """Return the cases: by default all pairs, of special steppers few.
+def select(systems: Collection[str]) -> list:
+    """Return the cases: by default each stepper with each system and each algorithm, of special ones few.
 
-    In the slow tier all pairs again, and each special stepper with each algorithm.
-
-    Args:
-        systems: The systems.
-        coupled: Whether each system meets each algorithm by default.
+    The slow tier also has each system with each algorithm, and special steppers with each algorithm.
     """
     cases = [case for case in itertools.product(STEPPERS, systems, ALGORITHMS) if can_step(*case)]
     random.Random(1).shuffle(cases)
-    usual = [case for case in cases if case[0] not in SPECIAL]
-    quick = [case for case in usual if "slow" not in Task(*case[1:]).entry.has]
-    by_default = cover_pairs(quick, () if coupled else itertools.product(systems, ALGORITHMS))
+    pairs = [*itertools.product(systems, ALGORITHMS)]
+    quick = [case for case in cases if case[0] not in SPECIAL and "slow" not in Task(*case[1:]).entry.has]
     special = {(name, *pair) for name in SPECIAL for pair in STEPPERS[name].by_default or ()}
     assert all(can_step(*case) for case in special)
-    by_default += [case for case in cases if case in special]
+    by_default = [*cover_pairs(quick, pairs), *(case for case in cases if case in special)]
     rest = [case for case in cases[::-1] if case not in set(by_default)]
     slow = cover_pairs([case for case in rest if case[0] not in SPECIAL])
-    covered = itertools.chain(itertools.product(SPECIAL, systems), itertools.product(systems, ALGORITHMS))
+    covered = [*itertools.product(SPECIAL, systems), *pairs]
     slow += cover_pairs([case for case in rest if case[0] in SPECIAL], covered)
     return mostly_slow([*by_default, *slow], by_default)
 
@@ -86,7 +81,7 @@ def test_every_stepper_has_the_bits_of_python(
 
 
 @pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
-@pytest.mark.parametrize(("stepper", "system", "algorithm"), select(FAILING, coupled=False))
+@pytest.mark.parametrize(("stepper", "system", "algorithm"), select(FAILING))
 def test_every_stepper_fails_as_python_does(stepper: str, system: str, algorithm: str, bench: Bench) -> None:
     """With the same error message, after the same rows."""
     task = Task(system, algorithm)

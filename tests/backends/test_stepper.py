@@ -1,4 +1,4 @@
-"""The stepper: random networks, loops that are solved in halves, failing functions, and hosts without it.
+"""The stepper: random networks, loops that are solved in halves, and hosts without it.
 
 That it has the bits of the plain stepper with other systems is shown in test_matrix.py.
 """
@@ -183,24 +183,31 @@ def mirrored(answer: Callable[[np.ndarray, np.ndarray, float, float], Any]) -> N
     return Network([a, b], links)
 
 
-@pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
-@pytest.mark.parametrize("build", [stubborn, late_refusal])
-def test_halved_steps_have_the_bits_of_python(build: Callable[[], Network], extrapolation: str) -> None:
-    """So has what the algorithm keeps: history, sizes of signals, Jacobians, and the number of sweeps."""
-    results = []
-    for plain in (True, False):
+Step = tuple[np.ndarray, dict[str, np.ndarray], FixedSteps | PlainSteps]
+
+
+def run_both(build: Callable[[], Network], make: Make) -> tuple[Step, Step]:
+    """Return rows, state and stepping of a run in Python and of one in C, after comparing rows and states."""
+    results: list[Step] = []
+    for kind in (PlainSteps, FixedSteps):
         network = build()
-        algorithm = begun(network, Strong(extrapolation), TIMES)
-        stepping = PlainSteps(algorithm, TIMES) if plain else FixedSteps(algorithm, TIMES)
-        actual = recorded(stepping)
+        stepping = kind(begun(network, make(), TIMES), TIMES)
+        results.append((recorded(stepping), stepping.memory(), stepping))
         assert not any(s.states for s in network.instances)  # saved states that were not freed
-        results.append((actual, stepping.memory()))
-    (expected, state), (actual, native_state) = results
-    assert len(expected) == TIMES.steps + 1 and np.isfinite(expected).all()
+    (expected, state, _), (actual, native_state, _) = results
     assert_same_bits(actual, expected)
     assert state.keys() == native_state.keys()
     for key, value in state.items():
         assert_same_bits(native_state[key], value)
+    return results[0], results[1]
+
+
+@pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
+@pytest.mark.parametrize("build", [stubborn, late_refusal])
+def test_halved_steps_have_the_bits_of_python(build: Callable[[], Network], extrapolation: str) -> None:
+    """So has what the algorithm keeps: history, sizes of signals, Jacobians, and the number of sweeps."""
+    (expected, state, _), _ = run_both(build, lambda: Strong(extrapolation))
+    assert len(expected) == TIMES.steps + 1 and np.isfinite(expected).all()
     assert state["counts"][1] > TIMES.steps
 
 
@@ -225,23 +232,13 @@ def refusal() -> Network:
 @pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
 def test_steps_are_divided_from_the_first_discarded_one_on(kind: Any, extrapolation: str) -> None:
     """The run goes back to repeat it. Rows, history and numbers of divided steps are those of Python."""
-    results = []
-    for plain in (True, False):
-        network = refusal()
-        algorithm = begun(network, kind(extrapolation), TIMES)
-        stepping = PlainSteps(algorithm, TIMES) if plain else FixedSteps(algorithm, TIMES)
-        rows, state = recorded(stepping), stepping.memory()
-        results.append((rows, state, stepping.report().get("divided_steps"), stepping.remarks()))
-        assert not any(s.states for s in network.instances)  # saved states that were not freed
-    (expected, state, divided, remarks), (rows, native_state, native_divided, native_remarks) = results
-    assert_same_bits(rows, expected)
-    for key, value in state.items():
-        assert_same_bits(native_state[key], value)
-    assert divided == native_divided and remarks == native_remarks
-    assert divided == {
+    (*_, plain), (*_, native) = run_both(refusal, lambda: kind(extrapolation))
+    divided = {
         "a": {"steps": 17, "shortest_part_s": 1.0 / 128.0},
         "b": {"steps": 10, "shortest_part_s": 1.0 / 64.0},
     }
+    assert plain.report()["divided_steps"] == native.report()["divided_steps"] == divided
+    assert plain.remarks() == native.remarks()
 
 
 def test_saved_states_are_freed(faulty_fmu: Path) -> None:
@@ -268,8 +265,6 @@ def test_saved_states_are_freed(faulty_fmu: Path) -> None:
             assert counts.states == 0
             assert counts.rollbacks > 0
 
-
-# ---- failing functions -------------------------------------------------------------------------
 
 # ---- where nothing can be compiled -------------------------------------------------------------
 

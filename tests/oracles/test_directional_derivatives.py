@@ -125,25 +125,16 @@ def check(at: At, data: st.DataObject) -> None:
 # ---- tests -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", ALL)
+@pytest.mark.parametrize(
+    ("model", "kind"), [*((m, FMU2Slave) for m in ALL), *((m, FMU2Model) for m in WITH_STATES)]
+)
 @given(data=st.data())
 @examples(3, 25)
-def test_derivatives_in_initialization_match_differences(
-    sessions: dict[str, Session], model: str, data: st.DataObject
+def test_derivatives_match_differences(
+    sessions: dict[str, Session], model: str, kind: Any, data: st.DataObject
 ) -> None:
-    """By inputs, parameters and start values of states."""
-    with At(sessions[model], data.draw(FACTS[model].points()), FMU2Slave, running=False) as at:
-        check(at, data)
-
-
-@pytest.mark.parametrize("model", WITH_STATES)
-@given(data=st.data())
-@examples(3, 25)
-def test_derivatives_in_continuous_time_match_differences(
-    sessions: dict[str, Session], model: str, data: st.DataObject
-) -> None:
-    """By inputs and states."""
-    with At(sessions[model], data.draw(FACTS[model].points()), FMU2Model, running=True) as at:
+    """In initialization by inputs, parameters and start values; in continuous time by inputs and states."""
+    with At(sessions[model], data.draw(FACTS[model].points()), kind, running=kind is FMU2Model) as at:
         check(at, data)
 
 

@@ -164,16 +164,16 @@ def test_events_match_faults_held_data_and_schedules() -> None:
 
 def test_run_meets_the_events_of_its_options_and_its_load() -> None:
     """Also where it begins at another time than 0."""
-    simulation = load("lift", stop_time=0.03).prepare()
+    simulation = load("lift", stop_time=0.02).prepare()
     result = simulation.run(
         start_time=0.01,
-        stop_time=0.03,
+        stop_time=0.02,
         error_tolerance=0.1,
         largest_step=1e-3,
-        set={"lift.disturbance.load.start[2]": 0.0123456, "lift.disturbance.load.ramp": 0.01},
+        set={"lift.disturbance.load.start[2]": 0.0123456, "lift.disturbance.load.ramp": 0.005},
     )
     times = np.asarray(result["time"])
-    assert {0.0123456, 0.0223456} <= set(times.round(9))
+    assert {0.0123456, 0.0173456} <= set(times.round(9))
     assert np.diff(times).max() <= 1e-3 * (1.0 + 1e-9)
     assert result.stepping["largest_step_s"] == 1e-3
 

@@ -23,6 +23,7 @@ from tests.support import reference_drive
 from tests.support import reference_model as paper
 from tests.support.simulated import simulated
 from tests.support.smooth_lift import STATE_SIGNALS, lift, whole
+from tests.support.tiers import mostly_slow
 
 # ---- the co-simulated joint against the whole joint as one equation ----------------------------
 
@@ -62,7 +63,7 @@ def solution(gains: str) -> paper.Vector:
     return whole(np.linspace(0.0, STOP, round(STOP / SAMPLE) + 1), gains)
 
 
-@pytest.fixture(scope="module", params=["jacobi", "gauss-seidel"])
+@pytest.fixture(scope="module", params=mostly_slow(["jacobi", "gauss-seidel"], ["gauss-seidel"]))
 def runs(request: pytest.FixtureRequest, gains: str, fmu_folder: Path) -> list[Run]:
     """The joint co-simulated by one algorithm with each of `STEPS`."""
     return [co_simulated(request.param, step, fmu_folder, gains) for step in STEPS]

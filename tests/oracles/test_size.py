@@ -427,12 +427,6 @@ def test_files_of_the_user_are_not_replaced(emla: Emla, tmp_path: Path) -> None:
     result = emla("size", "prototype", *data, *options)
     assert result.exit_code == 2 and "cycles.csv" in result.stderr, result.output
     assert (tmp_path / "out/cycles.csv").read_bytes() == before
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other/prototype.png").write_text("mine")
-    result = emla("size", "prototype", "--stop-time", "0.02", "--lead-in", "0", "--output", "other")
-    assert result.exit_code == 2 and "was not written by emla" in result.stderr
-    assert "simulating" not in result.output
-    assert [path.name for path in (tmp_path / "other").iterdir()] == ["prototype.png"]
     result = emla("size", "prototype", "--actuator", "prototype=,", *options)
     assert result.exit_code == 2 and "names no file" in result.stderr
 

@@ -77,6 +77,7 @@ def build_table(
     if license_text is not None:
         content["documentation/licenses/license.txt"] = (_LICENSE_HEADER + license_text).encode()
     anonymous = table_description(table, MODEL, main, producer, "")
+    # packed twice: the data contain the GUID, which is the hash of the data without it
     numbers = {"resources/table.bin": pack_table(table, "")}
     guid = content_guid({**content, **numbers, "modelDescription.xml": anonymous})
     numbers = {"resources/table.bin": pack_table(table, guid)}
@@ -158,6 +159,7 @@ def _provide_libraries(content: dict[str, bytes], platforms: Sequence[str], fmi:
         try:
             libraries[name] = cached.read_bytes()
         except OSError:
+            # a library serves any data, so that later tables need no compiler
             libraries |= compile_libraries(MODEL, [_MAINS[fmi]], content, [platform])
             cached.parent.mkdir(parents=True, exist_ok=True)
             with write_atomically(cached) as stream:

@@ -146,6 +146,7 @@ def _build_grid(spline: Spline, problem: MotionProblem) -> tuple[np.ndarray, np.
         first, last = (spline.start + x * duration for x in (load.first, load.last))
         inner = knots[(knots > first + _ROUNDING * duration) & (knots < last - _ROUNDING * duration)]
         times, weights = lobatto(np.concatenate([[first], inner, [last]]), _POINTS)
+        # forces jump where the payload changes: that time belongs to both loads
         grids.append((times, weights, np.full(len(times), i)))
     times, weights, load_numbers = zip(*grids, strict=True)
     return np.concatenate(times), np.concatenate(weights), np.concatenate(load_numbers)

@@ -76,6 +76,7 @@ def lobatto(positions: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     w = 2.0 / (count * (count - 1) * legendre(x) ** 2)
     points, weights = [positions[:1]], [np.zeros(1)]
     for a, b in pairwise(positions):
+        # neighbouring intervals share an end, whose weights add up
         weights[-1][-1] += 0.5 * (b - a) * w[0]
         points.append(0.5 * (a + b) + 0.5 * (b - a) * x[1:])
         weights.append(0.5 * (b - a) * w[1:])

@@ -34,6 +34,7 @@ def narrowed(
         narrow_problem = _narrow(narrow_problem, figures)
         try:
             repeated = solved(narrow_problem, how, solution.coefficients, on_iteration)
+        # the motion before stays, and its figures report what it exceeds
         except NoMotionError:
             break
         solution = solution.then(repeated)

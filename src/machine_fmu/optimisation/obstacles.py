@@ -89,8 +89,8 @@ class Obstacle:
         assert self.low is not None and self.high is not None
         ends = [sorted(pair) for pair in zip(self.low, self.high, strict=True)]
         if len(ends) == 2:
-            (left, right), (bottom, top) = ends
-            return np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
+            (x_low, x_high), (y_low, y_high) = ends
+            return np.array([[x_low, y_low], [x_high, y_low], [x_high, y_high], [x_low, y_high]])
         return np.array(list(product(*ends)))
 
     @property
@@ -134,6 +134,7 @@ class Obstacle:
         Of many directions it is the one along which they are farthest apart, or overlap least.
         """
         directions = _spread_directions(self.dimensions)
+        # along any direction the nearer end of a segment is its nearest point
         ends = np.minimum(a @ directions.T, b @ directions.T)
         return directions[np.argmax(ends - (self.hull @ directions.T).max(axis=0), axis=1)]
 
@@ -171,6 +172,7 @@ def _is_convex(corners: Sequence[object]) -> bool:
     next_edges = np.roll(edges, -1, axis=0)
     turns = edges[:, 0] * next_edges[:, 1] - edges[:, 1] * next_edges[:, 0]
     angles = np.arctan2(turns, np.sum(edges * next_edges, axis=1))
+    # a star turns to one side, too, but more than once around
     is_simple = abs(abs(float(angles.sum())) - 2.0 * np.pi) < 1e-6
     return is_simple and bool(np.all(turns > 0.0) or np.all(turns < 0.0))
 
@@ -199,9 +201,9 @@ def _measure_from_box(
 
     first, last = np.zeros(len(a)), np.ones(len(a))
     for _ in range(_SEARCH):
-        left, right = first + (last - first) / 3.0, last - (last - first) / 3.0
-        is_left = distance(left)[0] <= distance(right)[0]
-        first, last = np.where(is_left, first, left), np.where(is_left, right, last)
+        lower, upper = first + (last - first) / 3.0, last - (last - first) / 3.0
+        is_below = distance(lower)[0] <= distance(upper)[0]
+        first, last = np.where(is_below, first, lower), np.where(is_below, upper, last)
     return distance(0.5 * (first + last))
 
 

@@ -177,6 +177,7 @@ def _sample_postures(reach: Reach) -> tuple[np.ndarray, np.ndarray]:
         shares_of_axis = np.linspace(0.0, 1.0, round(count ** (1.0 / n)))
         shares = np.array(list(product(*[shares_of_axis] * n)))
     else:
+        # a grid of 3375 points would have less than four steps for each of six actuators
         shares = qmc.Halton(n, scramble=False).random(count)
     samples = low + shares * (high - low)
     tips = reach.tip(samples)

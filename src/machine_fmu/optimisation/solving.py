@@ -27,6 +27,7 @@ _OPTIONS = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.max_iter": MOST_ITERATIONS,
+    # the default of 1e-8 would let motions exceed their bounds
     "ipopt.bound_relax_factor": 0.0,
 }
 
@@ -103,6 +104,7 @@ def _add_obstacles(programme: Programme, solution: Solution) -> Programme:
     clearances = measure_clearances(spline, problem)
     is_low = any(not clearance.is_kept for clearance in clearances if clearance.obstacle == GROUND)
     separations = [Separation(line, i) for i, line in nearest_lines(spline, problem)]
+    # earlier constraints stay, so that the search ends
     all_separations = dict.fromkeys((*programme.separations, *separations))
     return replace(programme, grounded=programme.grounded or is_low, separations=tuple(all_separations))
 
@@ -206,6 +208,7 @@ def _explain_failure(
     programme: Programme, start: np.ndarray, on_iteration: Callable[[], None], status: str
 ) -> str:
     """Return a message with the bounds that prevent a solution."""
+    # with slacks, whose smallest sum shows the bounds that prevent a motion
     result = _run_ipopt(replace(programme, elastic=True), start, on_iteration)
     if not result.is_solved:
         return f"no motion was found: IPOPT ended with {status}, and with {result.status} for relaxed bounds."

@@ -146,6 +146,7 @@ def segment_distances(
     nearest, rows = np.argmin(distances, axis=0), np.arange(len(a))
     side_of_a, side_of_b = _compute_side(c, d, a), _compute_side(c, d, b)
     is_crossing = (_compute_side(a, b, c) * _compute_side(a, b, d) < 0.0) & (side_of_a * side_of_b < 0.0)
+    # parallel segments would divide by 0
     parts = np.divide(side_of_a, side_of_a - side_of_b, out=np.zeros_like(side_of_a), where=is_crossing)
     intersections = a + parts[:, None] * (b - a)
     nearest_places = np.where(is_crossing[:, None], intersections, points[nearest, rows])

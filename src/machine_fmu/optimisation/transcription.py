@@ -152,6 +152,7 @@ class Programme:
             )
         total = 0.5 * t_M * casadi.mtimes(cost, casadi.DM(self.points[1])) / self.cost_scale
         if self.elastic:
+            # the cost decides between motions with equal slacks
             total = casadi.sum1(slack) + 1e-4 * total
             duration_slack = slack[self.slack_names.index(LONGEST)]
             constraints.require_between(t_M / self.problem.t_M - duration_slack, -np.inf, 1.0)
@@ -183,6 +184,7 @@ class Programme:
         problem = self.problem
         q_LB, q_UB = problem.machine.q_LB, problem.machine.q_UB
         lasts = (q_LB, q_UB) if problem.tip_E is not None else (problem.q_E, problem.q_E)
+        # the subdivided control points are bounded instead, which are closer to the curve
         is_free = self.how.subdivisions > 1
         low = self._spread_over_coefficients(
             problem.q_S, [-np.inf] * self.joints if is_free else q_LB, lasts[0]
@@ -243,6 +245,7 @@ class Programme:
     def cost_scale(self) -> float:
         """A typical cost in W2 s."""
         powers = zip(self.problem.f_UB, self.problem.v_UB, strict=True)
+        # the least cost of a motion without a change of energy is 0, and cannot be the scale
         typical_power = 0.01 * max(max(abs(f * v) for f, v in powers), 1.0)
         return max(
             least_cost(self.problem, self.problem.t_M), 0.5 * self.problem.t_M * typical_power * typical_power
@@ -269,6 +272,7 @@ class Programme:
             q = casadi.mtimes(row, self.symbols[0]).T
             locate = point_function(problem.machine, [problem.tip], problem.payload_until(moment))
             tip, errors = locate(q, x[:, count + i])
+            # a tip on a curve cannot be at a rounded position exactly
             if self.joints < len(position):
                 constraints.require_zero(q - casadi.DM(problem.guesses[i]))
             else:

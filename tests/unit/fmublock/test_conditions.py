@@ -13,6 +13,7 @@ from fmublock import Block, BlockError, BuildError, Instance, Output, Parameter,
 from fmublock.symbolic import evaluate_symbolically
 from tests.support.generated_c import Code
 from tests.support.seesaw import DEMAND, ODD, Odd, Seesaw
+from tests.support.tiers import mostly_slow
 from tests.support.units import KINDS, Unit, Units, start
 
 TOUCHING = {"track.high[1]": -0.6}
@@ -50,7 +51,7 @@ def test_each_element_has_its_own_limits(make: Callable[[], Unit]) -> None:
     assert unit.messages == ["seesaw: x[1] = -1.5 left its limits, -1 to 1, at t = 0 s."]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", mostly_slow(KINDS, ["block", "native"]))
 def test_condition_can_have_any_text(kind: str, units: Units) -> None:
     unit = units.make(Odd, kind, "odd")
     assert unit.set(k=-1.0) and unit.enter() and not unit.exit()

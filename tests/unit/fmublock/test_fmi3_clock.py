@@ -17,9 +17,7 @@ from tests.support.toy import Toy
 from tests.support.toy_fmu import copy_toy
 
 REFERENCE = Toy.layout().reference
-FORCE, MASS, X, V, POWER, SPEED_0 = (
-    REFERENCE(n) for n in ("force", "body.mass", "x", "v[1]", "power", "v[1]")
-)
+FORCE, MASS, X, V, POWER = (REFERENCE(n) for n in ("force", "body.mass", "x", "v[1]", "power"))
 TIME = len(Toy.layout().scalars) + 3
 CLOCK = TIME + 1
 READ = [X, V, POWER]

@@ -14,12 +14,6 @@ from fmpy.validation import validate_fmu
 
 from fmublock.description import BUILD_TIME
 from tests.support.sessions import ERROR, FATAL, Session, refused
-from tests.support.toy_fmu import build_toy
-
-
-def test_building_twice_gives_the_same_bytes(fmi3_toy_fmu: Path, tmp_path: Path) -> None:
-    """As those of FMI 2.0 in test_building.py."""
-    assert build_toy("native", tmp_path / "Toy.fmu", fmi=3).read_bytes() == fmi3_toy_fmu.read_bytes()
 
 
 def test_model_description_of_the_toy(either: Session) -> None:

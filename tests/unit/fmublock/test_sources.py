@@ -138,13 +138,10 @@ def test_two_fmus_of_the_same_names_run_their_own_equations_in_one_process(tmp_p
         (folder / "twin.py").write_text(TWIN)
         block = load_block(f"{folder / 'twin.py'}:Twin")
         build(block, folder / "Twin.fmu", flavour="python")
-        build(block, folder / "native.fmu")
     for factor in (2.0, 3.0):
-        for name in ("Twin", "native"):
-            path = str(tmp_path / str(factor) / f"{name}.fmu")
-            run = simulate_fmu(path, stop_time=1.0, step_size=0.5, output_interval=0.5)
-            results.append(run["y"][-1])
-    assert results == [2.0, 2.0, 3.0, 3.0]
+        path = str(tmp_path / str(factor) / "Twin.fmu")
+        results.append(simulate_fmu(path, stop_time=1.0, step_size=0.5, output_interval=0.5)["y"][-1])
+    assert results == [2.0, 3.0]
 
 
 def test_file_that_changed_after_the_block_was_defined_is_refused(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def way(q: Any, start: Any) -> float:
 
 
 @given(start=anywhere(), q=anywhere())
-@examples(6, 20, phases=[Phase.explicit, Phase.generate])
+@examples(4, 20, phases=[Phase.explicit, Phase.generate])
 def test_posture_of_a_position_is_the_nearest_to_the_start(start: Any, q: Any) -> None:
     at = tip(q)
     actual = nearest_posture(REACH, (at.real, at.imag), start, everything)
