@@ -129,7 +129,7 @@ def check(at: At, data: st.DataObject) -> None:
     ("model", "kind"), [*((m, FMU2Slave) for m in ALL), *((m, FMU2Model) for m in WITH_STATES)]
 )
 @given(data=st.data())
-@examples(3, 25)
+@examples(2, 25)
 def test_derivatives_match_differences(
     sessions: dict[str, Session], model: str, kind: Any, data: st.DataObject
 ) -> None:

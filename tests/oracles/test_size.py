@@ -353,7 +353,7 @@ def test_only_compression_buckles(press: ec.JointSizing) -> None:
 
 def test_ambient_and_life_have_a_verdict(press: ec.JointSizing, sized: Callable[..., ec.JointSizing]) -> None:
     hot = sized(ambient=390.0, life=1e5 * 3600.0)
-    limits = {limit_.name: limit_ for limit_ in hot.limits}
+    limits = {examined.name: examined for examined in hot.limits}
     rise, temperature = press.figures.temperature_rise_peak_K, limits["winding temperature"]
     assert rise is not None
     limit = (266.0 - 32.0) * 5 / 9
