@@ -24,7 +24,6 @@ import pytest
 from hypothesis import given
 
 import emla_cosim as ec
-from emla_cosim.cli.commands.crash_rescue import _explain_end
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.explicit import GaussSeidel, Jacobi
 from emla_cosim.master.algorithms.strong import Strong
@@ -320,18 +319,6 @@ def test_crashed_fmu_is_among_the_named_ones(faulty_fmu: Path, tmp_path: Path) -
         status
     )
     assert len(polars.read_csv(tmp_path / "out/results.csv")) in (35, 36)
-
-
-def test_causes_name_all_current_calls() -> None:
-    a, b = ("j.a", "doStep at t = 1 s"), ("j.b", "getReal")
-    assert _explain_end("SIGSEGV", [a]) == "j.a ended the process in doStep at t = 1 s (SIGSEGV)"
-    assert (
-        _explain_end("SIGSEGV", [a, b])
-        == "one of j.a in doStep at t = 1 s and j.b in getReal ended the process (SIGSEGV)"
-    )
-    assert _explain_end("SIGKILL", [b]) == "the process was killed, with j.b in getReal"
-    assert _explain_end("SIGKILL", []) == "the process was killed, possibly out of memory"
-    assert _explain_end("SIGSEGV", []) == "the process ended (SIGSEGV)"
 
 
 # ---- FMUs in processes of their own ------------------------------------------------------------
