@@ -2,6 +2,7 @@
 
 import gc
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, chdir
 from pathlib import Path
@@ -35,6 +36,9 @@ os.environ.setdefault(VARIABLE, str(ROOT / ".pytest_cache" / "emla-cosim"))
 register_profiles()
 heed_ctrl_c()
 
+# jsonschema would build a grammar of IRIs in each process, for a second, and no schema here has any
+sys.modules.setdefault("rfc3987_syntax", None)  # type: ignore[arg-type]
+
 # readline sets these in the processes of pytest-xdist, and rich would keep the width for good
 for size in ("COLUMNS", "LINES"):
     os.environ.pop(size, None)
@@ -50,6 +54,19 @@ def pytest_configure(config: pytest.Config) -> None:
     select(config.option.markexpr)
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Collect tests without looking for garbage.
+
+    Modules and tests stay, and their syntax trees are millions of objects: it would take a third longer.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+
+
 def pytest_collection_finish() -> None:
     """Draw the same examples, unless the profile says otherwise; hypothesis has loaded it by now."""
     if settings.default.derandomize:
@@ -59,8 +76,8 @@ def pytest_collection_finish() -> None:
 @pytest.hookimpl(optionalhook=True)  # of pytest-xdist
 def pytest_xdist_auto_num_workers() -> int:
     """One more than there are cores: a third of the time tests wait for processes to start and end."""
-    known = hasattr(os, "sched_getaffinity")
-    return 1 + (len(os.sched_getaffinity(0)) if known else os.cpu_count() or 1)
+    has_affinity = hasattr(os, "sched_getaffinity")
+    return 1 + (len(os.sched_getaffinity(0)) if has_affinity else os.cpu_count() or 1)
 
 
 @pytest.fixture(scope="module", autouse=True)

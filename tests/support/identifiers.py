@@ -52,8 +52,8 @@ def list_vague_names() -> dict[str, list[str]]:
     """Return the definitions of vague names, as `file:line: name`, for each entry of `VAGUE`."""
     entries = {word: words for words in VAGUE for word in words.split("|")}
     definitions: dict[str, list[str]] = {words: [] for words in VAGUE}
-    for path in _list_files(FOLDERS):
-        for name, line in _definitions(_parse(path)):
+    for path, _, tree in _parse(*FOLDERS):
+        for name, line in _definitions(tree):
             if (words := entries.get(name.strip("_"))) is not None:
                 definitions[words].append(f"{path.relative_to(ROOT)}:{line}: {name}")
     return definitions
@@ -62,44 +62,53 @@ def list_vague_names() -> dict[str, list[str]]:
 def find_faults_of_prose(*folders: str) -> list[str]:
     """Return banned words in docstrings, comments and messages of these folders."""
     faults = list[str]()
-    for path in _list_files(folders):
+    for path, text, tree in _parse(*folders):
         name = str(path.relative_to(ROOT))
-        for line, text in _passages(path):
-            faults += check_text(text, name, line, with_length=False)
-            plain = re.sub(r"`[^`]*`", "", text)
-            faults += [f"{name}:{line}: '{m[0]}': write 'is not a ...'" for m in _NO_NOUN.finditer(plain)]
+        for line, passage in [*_strings(tree), *_comments(text)]:
+            faults += _check_passage(passage, name, line)
     return faults
 
 
-def _list_files(folders: tuple[str, ...]) -> Iterator[Path]:
+def _check_passage(text: str, name: str, line: int) -> list[str]:
+    plain = re.sub(r"`[^`]*`", "", text)
+    articles = [f"{name}:{line}: '{m[0]}': write 'is not a ...'" for m in _NO_NOUN.finditer(plain)]
+    return check_text(text, name, line, with_length=False) + articles
+
+
+def _parse(*folders: str) -> Iterator[tuple[Path, str, ast.Module]]:
+    """Yield all files below these folders with text and syntax, one by one: many trees slow down Python."""
     for folder in folders:
-        yield from sorted((ROOT / folder).rglob("*.py"))
-
-
-@cache
-def _parse(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            text = path.read_text(encoding="utf-8")
+            yield path, text, ast.parse(text)
 
 
 def _definitions(tree: ast.AST) -> Iterator[tuple[str, int]]:
     """Yield names that are bound, and their lines."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            yield node.id, node.lineno
-        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
-            yield node.attr, node.lineno
+        if isinstance(node, ast.Name):
+            if isinstance(node.ctx, ast.Store):
+                yield node.id, node.lineno
         elif isinstance(node, ast.arg):
             yield node.arg, node.lineno
+        elif isinstance(node, ast.Attribute):
+            if isinstance(node.ctx, ast.Store):
+                yield node.attr, node.lineno
         elif isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
             yield node.name, node.lineno
 
 
-def _passages(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield strings with more than one word, and comments, with their lines."""
-    for node in ast.walk(_parse(path)):
+def _strings(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Yield strings with more than one word, with their lines."""
+    for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and " " in node.value:
             yield node.lineno, node.value
-    with io.StringIO(path.read_text(encoding="utf-8")) as stream:
-        for token in tokenize.generate_tokens(stream.readline):
+
+
+def _comments(text: str) -> Iterator[tuple[int, str]]:
+    """Yield comments with their lines, of a file where something after a # may be a fault."""
+    # to find out what is a comment takes longer than to parse, and few files have faults
+    if any(_check_passage(line.partition("#")[2], "", 0) for line in text.splitlines() if "#" in line):
+        for token in tokenize.generate_tokens(io.StringIO(text).readline):
             if token.type == tokenize.COMMENT:
                 yield token.start[0], token.string
