@@ -162,7 +162,7 @@ def content_of(path: Path) -> object:
 
 
 def run(checker: Checker, options: Sequence[str], path: Path, limit: float) -> Answer:
-    """Run a tool. A shell stands between: an FMU may end the parent process."""
+    """Run a tool. A shell is between: an FMU may end the parent process."""
     words = [*checker.command, *options, str(path)]
     script = f'{f"ulimit -d {MEMORY_KIB}; " if checker.calls else ""}"$@"; exit $?'
     with (

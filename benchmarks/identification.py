@@ -145,7 +145,7 @@ class LocalRuns:
         ]
 
     def describe(self, group: int) -> SimulationDescription:
-        """Return a description without content: memory for predictions is no matter here."""
+        """Return a description without content: memory for predictions does not matter here."""
         return SimulationDescription({}, {}, {}, 0)
 
     def run(self, jobs: Sequence[Job], measures: Measures, bytes_each: int) -> Outcomes:

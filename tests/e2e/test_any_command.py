@@ -42,7 +42,7 @@ pytestmark = [
 EXAMPLES = int(os.environ.get("EMLA_COMMAND_EXAMPLES", "100"))
 PATIENCE = 10.0
 """Seconds after which a command gets Ctrl-C."""
-SHORT = ("run", "lift", "--fmus", FMUS, "--no-plots", "--stop-time", "0.002", "--output", "out")
+LIFT_RUN = ("run", "lift", "--fmus", FMUS, "--no-plots", "--stop-time", "0.002", "--output", "out")
 CONTROL = re.compile(r"\x1b\[[?0-9;]*[A-Za-z]")
 MESSAGE = re.compile(r"Error: |Interrupted\.$")
 """How the one line begins that says what is wrong."""
@@ -52,14 +52,14 @@ MESSAGE = re.compile(r"Error: |Interrupted\.$")
 def materials(python_fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Materials:
     folder = tmp_path_factory.mktemp("materials")
     fmus = ("--fmus", str(python_fmu_folder))
-    made = Materials(python_fmu_folder, folder / "ok.ssp", folder / "ok.checkpoint")
-    output = ("--output", str(folder / "out"), "--checkpoint", str(made.checkpoint), "--no-plots")
+    materials = Materials(python_fmu_folder, folder / "ok.ssp", folder / "ok.checkpoint")
+    output = ("--output", str(folder / "out"), "--checkpoint", str(materials.checkpoint), "--no-plots")
     for command in (
-        ["export", "lift", str(made.package), *fmus],
+        ["export", "lift", str(materials.package), *fmus],
         ["run", "lift", "--stop-time", "0.001", *output, *fmus],
     ):
         assert CliRunner().invoke(app, command).exit_code == 0
-    return made
+    return materials
 
 
 def call(arguments: list[str], folder: Path, around: Surroundings, temporary: Path) -> tuple[int, str, str]:
@@ -105,21 +105,21 @@ def find_files(folder: Path) -> dict[Path, tuple[int, bytes]]:
 def check_files(folder: Path, inputs: dict[Path, tuple[int, bytes]], arguments: list[str]) -> None:
     """New files are whole, and earlier ones are unchanged; what may be replaced is whole too."""
     after = find_files(folder)
-    named = "\0".join(arguments)
+    command_text = "\0".join(arguments)
     for path, before in inputs.items():
         assert path in after and after[path][0] == before[0], f"{path.name} is gone"
         changed = after[path] != before
         empty = before == (stat.S_IFREG, b"")
         ours = empty or path.suffix in (".ssp", ".checkpoint") or "--overwrite" in arguments
-        assert not changed or (path.name in named and ours)
+        assert not changed or (path.name in command_text and ours)
         if not changed and path.is_file() and not path.is_symlink():
             path.unlink()
     assert_whole(folder)
 
 
 @examples(6, EXAMPLES, suppress_health_check=[HealthCheck.function_scoped_fixture], print_blob=False)
-@example(arguments=SHORT, around=Surroundings(largest=1))
-@example(arguments=("run", "ok.ssp", *SHORT[2:]), around=Surroundings(largest=0))
+@example(arguments=LIFT_RUN, around=Surroundings(largest=1))
+@example(arguments=("run", "ok.ssp", *LIFT_RUN[2:]), around=Surroundings(largest=0))
 @example(arguments=("--help",), around=Surroundings((USABLE, FULL, USABLE)))
 @given(arguments=commands, around=surroundings)
 def test_any_command_ends_with_at_most_one_message(

@@ -30,6 +30,7 @@ from tests.support.clusters import CODE, At, family, outside_cluster
 from tests.support.faulty_systems import line_with_a_fault
 from tests.support.hand_written_fmus import Fault
 from tests.support.paths import ROOT
+from tests.support.processes import run
 from tests.support.waiting import wait_for
 
 RUN: dict[str, Any] = {"stop_time": 1.0, "step_size": 0.1}
@@ -100,9 +101,9 @@ def undisturbed(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> P
 
 def lift(fmus: Path, output: Path, **more: Any) -> Any:
     """The sweep of `command`."""
-    kept: dict[str, Any] = {"metrics": ["lift.torque_peak_N_m"], "signals": ["lift.plant.x_L"]}
+    options: dict[str, Any] = {"metrics": ["lift.torque_peak_N_m"], "signals": ["lift.plant.x_L"]}
     vary = {"lift.plant.motor.R_s": "0.1:0.2:100"}
-    return sweep("lift", vary, **kept, stop_time=0.1, fmus=fmus, output=output, **more)
+    return sweep("lift", vary, **options, stop_time=0.1, fmus=fmus, output=output, **more)
 
 
 @pytest.mark.slow
@@ -132,26 +133,25 @@ def test_ended_sweep_leaves_nothing_and_can_be_continued(
     if way == "Ctrl-C":
         assert process.returncode == 1
         assert "Error: interrupted; the results so far are in out. Continue with --resume." in errors
-    partial, whole = read_sweep(out), read_sweep(undisturbed)
+    partial, complete = read_sweep(out), read_sweep(undisturbed)
     there = partial.variants["variant"].to_list()
     assert 3 <= len(there) < 100 and not partial.complete
-    assert partial.variants.equals(whole.variants.filter(polars.col("variant").is_in(there)))
-    assert partial.series is not None and whole.series is not None
-    expected = whole.series.filter(polars.col("variant").is_in(there))
+    assert partial.variants.equals(complete.variants.filter(polars.col("variant").is_in(there)))
+    assert partial.series is not None and complete.series is not None
+    expected = complete.series.filter(polars.col("variant").is_in(there))
     assert partial.series.collect().equals(expected.collect())
     assert not list(temporary.rglob("emla-variants-*"))
     if way == "caller":  # its own folder stays until the next command
-        command_of_next = [sys.executable, "-m", "emla_cosim", "list"]
-        subprocess.run(command_of_next, env=environment, check=True, stdout=subprocess.DEVNULL)
+        run(sys.executable, "-m", "emla_cosim", "list", env=environment, check=True)
     assert not list(temporary.iterdir())
 
-    alone = next(n for n in range(99, -1, -1) if not (out / f"parts/{n:09d}.parquet").exists())
-    shutil.copy(next(out.glob("series/*.parquet")), out / f"series/{alone:09d}.parquet")  # killed before
-    done = lift(fmu_folder, out, resume=True)
-    assert done.complete and numbers(done) == list(range(100))
+    unfinished = next(n for n in range(99, -1, -1) if not (out / f"parts/{n:09d}.parquet").exists())
+    shutil.copy(next(out.glob("series/*.parquet")), out / f"series/{unfinished:09d}.parquet")  # killed before
+    resumed = lift(fmu_folder, out, resume=True)
+    assert resumed.complete and numbers(resumed) == list(range(100))
     assert (out / "variants.parquet").read_bytes() == (undisturbed / "variants.parquet").read_bytes()
-    assert done.series is not None and (before := read_sweep(undisturbed).series) is not None
-    assert done.series.collect().equals(before.collect())
+    assert resumed.series is not None and (before := read_sweep(undisturbed).series) is not None
+    assert resumed.series.collect().equals(before.collect())
     assert not list(out.glob("parts")) and not list(out.rglob(".*"))
 
 
@@ -179,13 +179,13 @@ def test_killed_caller_leaves_nothing_on_workers(cluster: Client, fmu_folder: Pa
 
 @pytest.mark.slow
 def test_sweep_survives_the_loss_of_worker_and_scheduler(system: System, tmp_path: Path) -> None:
-    """A worker of it is killed, then the scheduler; this machine goes on with what there is."""
+    """A worker of it is killed, then the scheduler; this machine continues with the rest."""
     plan: dict[str, Any] = {
         "vary": {"j.bad.b": "0.1:0.5:40"},
         "metrics": {"y": killing(tmp_path / "flag", 2.0 + 2.0 * (0.1 + 0.4 * 20 / 39))},
         **RUN,
     }
-    there = sweep(system, **plan, output=tmp_path / "there")
+    expected = sweep(system, **plan, output=tmp_path / "there")
     (tmp_path / "flag").unlink()
     with outside_cluster(tmp_path) as outside:
         during: list[Any] = []
@@ -196,29 +196,33 @@ def test_sweep_survives_the_loss_of_worker_and_scheduler(system: System, tmp_pat
             unpacked.update(files_of_fmus(tmp_path / "worker-0"))
             outside.workers[0].kill()
 
-        here = sweep(
+        result = sweep(
             system, **plan, scheduler=outside.address, output=tmp_path / "here", progress=At(5, kill_worker)
         )
         assert [w.poll() is None for w in outside.workers].count(True) == 1, "no worker was killed"
-        assert here.variants.equals(there.variants) and numbers(here) == list(range(40))
+        assert result.variants.equals(expected.variants) and numbers(result) == list(range(40))
         running = during[0].variants
         assert 0 < running.height < 40 and not during[0].complete
-        assert running.equals(there.variants.filter(there.variants["variant"].is_in(numbers(during[0]))))
+        assert running.equals(
+            expected.variants.filter(expected.variants["variant"].is_in(numbers(during[0])))
+        )
         assert len(unpacked) >= 3 and {DASK in file.parts for file in unpacked} == {True}
         for name in ("worker-0", "worker-1"):  # killed, and at the end of the sweep
             wait_for(lambda name=name: not files_of_fmus(tmp_path / name))
         with pytest.raises(RunError, match=r"^the scheduler at tcp://127\.0\.0\.1:\d+ .*\.$") as caught:
             sweep(
                 system, **plan, scheduler=outside.address, output=tmp_path / "early", patience=4.0,
-                progress=At(10, outside.kill_scheduler),
+                progress=At(10, outside.scheduler.kill),
             )  # fmt: skip
         assert "\n" not in str(caught.value)
-    early = read_sweep(tmp_path / "early")
-    assert 10 <= early.variants.height < 40, caught.value
-    done = sweep(system, **plan, output=tmp_path / "early", resume=True)
-    assert done.variants.equals(there.variants)
-    one, other = ((tmp_path / n / "variants.parquet").read_bytes() for n in ("early", "there"))
-    assert one == other
+    partial = read_sweep(tmp_path / "early")
+    assert 10 <= partial.variants.height < 40, caught.value
+    resumed = sweep(system, **plan, output=tmp_path / "early", resume=True)
+    assert resumed.variants.equals(expected.variants)
+    resumed_file, expected_file = (
+        (tmp_path / n / "variants.parquet").read_bytes() for n in ("early", "there")
+    )
+    assert resumed_file == expected_file
 
 
 DASK = "dask-scratch-space"
@@ -227,9 +231,9 @@ DASK = "dask-scratch-space"
 
 def files_of_fmus(folder: Path) -> set[Path]:
     """FMUs, and what is unpacked from them; folders may vanish meanwhile."""
-    found = {Path(at, name) for at, _, names in os.walk(folder) for name in names}
-    libraries = {p for p in found if p.suffix == ".so" and not p.name.startswith("stepper-")}
-    return libraries | {p for p in found if p.name == "modelDescription.xml" or p.suffix == ".fmu"}
+    files = {Path(at, name) for at, _, names in os.walk(folder) for name in names}
+    libraries = {p for p in files if p.suffix == ".so" and not p.name.startswith("stepper-")}
+    return libraries | {p for p in files if p.name == "modelDescription.xml" or p.suffix == ".fmu"}
 
 
 @pytest.mark.slow
@@ -276,7 +280,7 @@ class Notes(Progress):
 def test_scheduler_without_workers_is_waited_for(system: System, tmp_path: Path) -> None:
     """It is said what is waited for; an adaptive cluster starts workers for what waits."""
     plan: dict[str, Any] = {"vary": {"j.bad.b": "0.1:0.5:6"}, **RUN}
-    seen = Notes()
+    progress = Notes()
     with (
         LocalCluster(
             n_workers=0, threads_per_worker=1, processes=False, protocol="tcp://",
@@ -285,10 +289,10 @@ def test_scheduler_without_workers_is_waited_for(system: System, tmp_path: Path)
         Client(adaptive, set_as_default=False) as client,
     ):  # fmt: skip
         with pytest.raises(RunError, match=r"had no workers for 1\.5 s; start workers, or wait longer with"):
-            sweep(system, **plan, scheduler=client, output=tmp_path / "out", patience=1.5, progress=seen)
+            sweep(system, **plan, scheduler=client, output=tmp_path / "out", patience=1.5, progress=progress)
         assert not (tmp_path / "out").exists()
         waiting = f"Waiting for workers: the scheduler at {adaptive.scheduler_address} has none."
-        assert [waiting in note for note in seen.notes].count(True) == 1
+        assert [waiting in note for note in progress.notes].count(True) == 1
         adaptive.adapt(minimum=0, maximum=2, interval="100ms")
         assert sweep(system, **plan, scheduler=client).variants["status"].to_list() == ["done"] * 6
 
@@ -299,7 +303,7 @@ def test_hanging_variant_is_named_and_ended(
     kind: str, request: pytest.FixtureRequest, system: System, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It is named while it runs, and ended in the end, also on resume. Ctrl-C ends it as well."""
-    seen, scheduler = Notes(), None
+    progress, scheduler = Notes(), None
     monkeypatch.setattr(variant_host, "_SLOW_S", 0.5)
     if kind == "Dask":
         scheduler = request.getfixturevalue("cluster")
@@ -312,11 +316,13 @@ def test_hanging_variant_is_named_and_ended(
     if scheduler is not None:
         wait_for(lambda: sum(scheduler.run(count_variant_processes).values()) == 0)
     assert count_variant_processes() == 0
-    more: dict[str, Any] = {"resume": True, "timeout": "3 s", "progress": seen}
+    more: dict[str, Any] = {"resume": True, "timeout": "3 s", "progress": progress}
     result = sweep(system, **plan, scheduler=scheduler, output=out, **more)
     assert result.variants["status"].to_list() == ["timed out" if n in (3, 7) else "done" for n in range(12)]
     assert result.variants["problem"][3] == "it took more than 3 s; see --timeout."
-    assert any(re.match(r"Still running: .*variant [37] for \d+ s", note) for note in seen.notes), seen.notes
+    assert any(re.match(r"Still running: .*variant [37] for \d+ s", note) for note in progress.notes), (
+        progress.notes
+    )
     if scheduler is not None:
         scheduler.run(set_slow_s, 10.0)
 
@@ -340,27 +346,29 @@ def test_variants_that_end_processes_cost_no_worker(
     kind: str, killers: int, system: System, tmp_path: Path
 ) -> None:
     """The scheduler has Dask's defaults, and would send what ends a worker to three others."""
-    chosen = random.Random(killers).sample(range(5, 40), killers)
-    faults = [Fault.ABORT if n in chosen else Fault.NONE for n in range(40)]
+    killing_variants = random.Random(killers).sample(range(5, 40), killers)
+    faults = [Fault.ABORT if n in killing_variants else Fault.NONE for n in range(40)]
     faults[:3] = [Fault.SEGFAULT_TERMINATE] * 3  # ends the process of the next variant
     with ExitStack() as stack:
         scheduler: Any = None
         if kind != "here":
             more = () if kind == "nanny" else ("--no-nanny",)
             scheduler = stack.enter_context(outside_cluster(tmp_path, arguments=more)).address
-        kept: dict[str, Any] = {"metrics": ["y = last(j.bad.y)"], "signals": ["j.bad.y"]}
-        result = sweep(system, runs_with(faults), scheduler=scheduler, **kept, **RUN)
+        results: dict[str, Any] = {"metrics": ["y = last(j.bad.y)"], "signals": ["j.bad.y"]}
+        result = sweep(system, runs_with(faults), scheduler=scheduler, **results, **RUN)
         if kind != "here":
             with Client(scheduler, set_as_default=False) as client:
                 assert sum(dict(client.nthreads()).values()) == 2
-    assert result.variants["status"].to_list() == ["died" if n in chosen else "done" for n in range(40)]
+    assert result.variants["status"].to_list() == [
+        "died" if n in killing_variants else "done" for n in range(40)
+    ]
     assert result.series is not None
-    assert set(result.series.collect()["variant"]) == set(range(40)) - set(chosen)
+    assert set(result.series.collect()["variant"]) == set(range(40)) - set(killing_variants)
 
 
 @pytest.mark.slow
 def test_worker_without_the_package_is_reported(system: System, tmp_path: Path) -> None:
-    """It joins all the same, and what it lacks is said: the cluster may be somebody else's, too."""
+    """It joins all the same, and what it lacks is said: other projects may use the cluster."""
     (tmp_path / "other/emla_cosim").mkdir(parents=True)
     (tmp_path / "other/emla_cosim/__init__.py").write_text("raise ImportError('no emla_cosim here')")
     with outside_cluster(tmp_path, workers=0) as outside:
@@ -427,12 +435,9 @@ def test_definitions_of_a_script_run_on_workers(
         address = request.getfixturevalue("cluster").scheduler_info()["address"]
     lines = [f"address, fmus = {address!r}, {str(fmu_folder)!r}"]
     (tmp_path / "script.py").write_text("\n".join([*lines, recipe[1], SCRIPT]))
-    done = subprocess.run(
-        [sys.executable, "script.py"], cwd=tmp_path, env={**os.environ, "PYTHONPATH": CODE},
-        capture_output=True, text=True, timeout=300,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == "['failed', 'done', 'failed', 'done'] [None, 101.0, None, 101.0]"
+    process = run(sys.executable, "script.py", cwd=tmp_path, environment={"PYTHONPATH": CODE}, timeout=300)
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.strip() == "['failed', 'done', 'failed', 'done'] [None, 101.0, None, 101.0]"
 
 
 @pytest.mark.slow
@@ -444,8 +449,8 @@ def test_worker_of_another_version_is_refused(
         patched.setattr(dask_workers, "version", lambda _: "0.0.1")
         sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
     assert re.search(r"has emla-cosim [\w.+-]+, not 0\.0\.1; install that", str(caught.value))
-    left: Any = cluster.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.worker_plugins))
-    assert not [name for name in left if "emla" in name], "new workers would be refused as well"
+    plugins: Any = cluster.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.worker_plugins))
+    assert not [name for name in plugins if "emla" in name], "new workers would be refused as well"
     assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).variants["status"].item() == "done"
 
 

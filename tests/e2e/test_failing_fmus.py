@@ -208,13 +208,13 @@ CALLS_THAT_END = [Fault.SEGFAULT, Fault.EXIT, Fault.SEGFAULT_GET_REAL]
 @needs_fork
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["csv", "parquet"])
-@pytest.mark.parametrize("every", [1, 7, 100_000])
+@pytest.mark.parametrize("steps_per_row", [1, 7, 100_000])
 @pytest.mark.parametrize("fault", CALLS_THAT_END)
 def test_rows_that_are_due_and_the_last_one_are_kept(
-    fault: Fault, every: int, form: str, package: Path, tmp_path: Path
+    fault: Fault, steps_per_row: int, form: str, package: Path, tmp_path: Path
 ) -> None:
     """In any call, for any number of steps in a row of the table; metrics are those of these rows."""
-    interval = ("--output-interval", f"{every * 1e-4:g}", "--output-format", form)
+    interval = ("--output-interval", f"{steps_per_row * 1e-4:g}", "--output-format", form)
     value = ("--set", "j.bad.at=1.04995")
     failure(start_line(tmp_path, package, fault, *SMALL_STEPS, *interval, *value), tmp_path)
     assert names(tmp_path / "out") == {f"results.{form}", "metrics.json", "run.json"}
@@ -222,7 +222,7 @@ def test_rows_that_are_due_and_the_last_one_are_kept(
     rows = table(tmp_path) if form == "csv" else polars.read_parquet(path)
     last = steps(tmp_path)
     assert last >= 10_498
-    due = sorted({*range(0, last + 1, every), last})
+    due = sorted({*range(0, last + 1, steps_per_row), last})
     with load(package, step_size=1e-4, output_interval=1e-4, stop_time=1e-4 * last).prepare() as simulation:
         assert rows.equals(simulation.run().to_polars()[due])
     figures = json.loads((tmp_path / "out/metrics.json").read_text())["signals"]
@@ -230,7 +230,7 @@ def test_rows_that_are_due_and_the_last_one_are_kept(
         assert figures[name]["maximum"] == rows[name].max()
         assert figures[name]["final"] == rows[name][-1]
     remarks = [text for text in record(tmp_path)["remarks"] if text.startswith("The metrics were computed")]
-    assert len(remarks) == (every > 1)
+    assert len(remarks) == (steps_per_row > 1)
 
 
 @needs_fork
@@ -243,8 +243,8 @@ def refuse(*arguments):
     raise OSError(95, 'Operation not supported')
 f._allocate = refuse
 """
-    chosen = (*SMALL_STEPS, "--signals", "j.sink.z", "--set", "j.bad.at=1.04995")
-    failure(start_line(tmp_path, package, Fault.ABORT, *chosen, code=code), tmp_path)
+    options = (*SMALL_STEPS, "--signals", "j.sink.z", "--set", "j.bad.at=1.04995")
+    failure(start_line(tmp_path, package, Fault.ABORT, *options, code=code), tmp_path)
     assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
     rows = table(tmp_path)
     assert rows.columns == ["time", "j.sink.z"] and 1 <= len(rows) < 10_500
@@ -363,13 +363,13 @@ def test_isolated_fmu_ends_with_its_simulation(package: Path) -> None:
     """At once: the shortest of several closings, as the machine may be busy."""
 
     def seconds_to_close() -> float:
-        others = set(psutil.Process().children())
+        before = set(psutil.Process().children())
         simulation = load(package).prepare(isolate=["j.bad"])
-        (process,) = set(psutil.Process().children()) - others
-        began = time.monotonic()
+        (process,) = set(psutil.Process().children()) - before
+        start = time.monotonic()
         simulation.close()
         assert not process.is_running()
-        return time.monotonic() - began
+        return time.monotonic() - start
 
     assert any(seconds_to_close() < 1.0 for _ in range(3))
 

@@ -27,9 +27,9 @@ from tests.support.processes import call
 from tests.support.tiers import mostly_slow
 from tests.support.whole_files import assert_whole, names
 
-SHORT = ("--stop-time", "0.002")
-RUN = ("run", "lift", *SHORT, "--no-plots", "--output", "out")
-MINE = "years of work\n"
+STOP_TIME = ("--stop-time", "0.002")
+RUN = ("run", "lift", *STOP_TIME, "--no-plots", "--output", "out")
+USER_TEXT = "years of work\n"
 
 # ---- a full disk -------------------------------------------------------------------------------
 
@@ -45,7 +45,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "build": ("build", "Reference", "--platform", host_platform(), "--output", "built"),
     "trajectory": ("trajectory", "--knots", "10", "--points", "5", "--output", "t.json"),
     "verify": ("verify", "Reference.fmu", "--only", "archive.*", "--json", "v.json", "--html", "v.html"),
-    "sweep": ("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1,0.2", *SHORT, "--output", "out"),
+    "sweep": ("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1,0.2", *STOP_TIME, "--output", "out"),
 }
 
 
@@ -118,7 +118,7 @@ def test_full_disk_is_one_error_message(
         monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
     else:
         assert emla(*COMMANDS[command]).exit_code == 0
-    (tmp_path / "thesis.txt").write_text(MINE)
+    (tmp_path / "thesis.txt").write_text(USER_TEXT)
     single = [p for p in tmp_path.iterdir() if p.is_file()]
     before = {p: p.read_bytes() for p in single}
     with monkeypatch.context() as patch:
@@ -186,22 +186,22 @@ def emla_without_rights(*arguments: str, folder: Path) -> tuple[int, str]:
 def test_results_of_another_user_stay(mode: int, reason: str, emla: Emla, tmp_path: Path) -> None:
     assert emla(*RUN[:-1], "theirs/out").exit_code == 0
     assert emla("export", "lift", "theirs/x.ssp").exit_code == 0
-    theirs = tmp_path / "theirs"
-    for path in (theirs, *theirs.rglob("*")):
+    folder_of_other = tmp_path / "theirs"
+    for path in (folder_of_other, *folder_of_other.rglob("*")):
         os.chown(path, ANOTHER, ANOTHER)
-    for folder in (theirs, theirs / "out"):
+    for folder in (folder_of_other, folder_of_other / "out"):
         folder.chmod(mode)
-    before = {p: p.read_bytes() for p in theirs.rglob("*") if p.is_file()}
+    before = {p: p.read_bytes() for p in folder_of_other.rglob("*") if p.is_file()}
     for arguments in ((*RUN[:-1], "theirs/out"), ("export", "lift", "theirs/x.ssp")):
         code, message = emla_without_rights(*arguments, folder=tmp_path)
         assert code in (1, 2) and reason in message
-        assert {p: p.read_bytes() for p in theirs.rglob("*") if p.is_file()} == before
+        assert {p: p.read_bytes() for p in folder_of_other.rglob("*") if p.is_file()} == before
 
 
 @needs_root
 @pytest.mark.slow
 def test_unreadable_file_is_not_replaced(emla: Emla, tmp_path: Path) -> None:
-    """Nobody can see whether an earlier command wrote it."""
+    """The command cannot see who wrote it."""
     assert emla(*RUN).exit_code == 0
     file = tmp_path / "out/run.json"
     before = file.read_bytes()

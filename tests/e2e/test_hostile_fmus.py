@@ -23,6 +23,7 @@ from fmu_verify.unexamined import list_unexamined
 from fmu_verify.verdict import Verdict
 from tests.support.broken.examining import examine
 from tests.support.broken.wide import build_wide_fmu
+from tests.support.clusters import family
 from tests.support.waiting import wait_for
 
 ATTACKS = (
@@ -61,8 +62,8 @@ def test_no_file_of_the_user_is_changed(tmp_path: Path, monkeypatch: pytest.Monk
     (killed,) = report["step:kill_all"].of(Verdict.FAILED)  # the first check that does a step
     assert "It ended the process of emla verify" in killed.sentence
     assert "removes files from the home folder" in report["step:remove_home"]["process.files"].sentence
-    for one in report.examined:
-        assert not [line for line in one.not_examined if line.startswith("Files outside")]
+    for examined in report.examined:
+        assert not [line for line in examined.not_examined if line.startswith("Files outside")]
 
 
 @pytest.mark.slow
@@ -80,33 +81,33 @@ def test_recording_protects_other_files_of_its_folder(tmp_path: Path) -> None:
     assert (folder / "Wide_ref.csv").is_file()
 
 
-def _confined(folder: Path, other: Path) -> list[str]:
+def _confined(folder: Path, outside: Path) -> list[str]:
     """Return what a confined process could do outside of its folder."""
     confine([folder])
     (folder / "mine").write_text("allowed")
-    done = []
+    succeeded = []
     for name, do in {
-        "write": lambda: other.write_text("x"),
-        "remove": other.unlink,
-        "rename": lambda: other.rename(folder / "stolen"),
-        "empty": lambda: os.truncate(other, 0),
-        "make": lambda: (other.parent / "new").mkdir(),
+        "write": lambda: outside.write_text("x"),
+        "remove": outside.unlink,
+        "rename": lambda: outside.rename(folder / "stolen"),
+        "empty": lambda: os.truncate(outside, 0),
+        "make": lambda: (outside.parent / "new").mkdir(),
         "signal": lambda: os.kill(os.getppid(), 0),
     }.items():
         with suppress(OSError):
             do()
-            done.append(name)
-    return done
+            succeeded.append(name)
+    return succeeded
 
 
 @needs_landlock
 def test_confined_process_reaches_nothing_outside(tmp_path: Path) -> None:
     (folder := tmp_path / "scratch").mkdir()
-    (other := tmp_path / "other").write_text("content")
+    (outside := tmp_path / "other").write_text("content")
     allowed = ["signal"] if any(line.startswith("Other processes") for line in list_gaps()) else []
-    assert in_fresh_process(_confined, folder, other) == allowed
+    assert in_fresh_process(_confined, folder, outside) == allowed
     assert (folder / "mine").read_text() == "allowed"
-    assert other.read_text() == "content"
+    assert outside.read_text() == "content"
 
 
 def test_machine_that_cannot_confine_reports_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,10 +136,10 @@ def test_processes_in_other_sessions_end(tmp_path: Path, monkeypatch: pytest.Mon
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP], ids=lambda n: n.name)
 def test_interruption_keeps_finished_findings(tmp_path: Path, number: signal.Signals) -> None:
     """The second FMU never returns from a step; the first one is done by then."""
-    done = build_wide_fmu(tmp_path, name="Done")
+    finished = build_wide_fmu(tmp_path, name="Done")
     hanging = build_wide_fmu(tmp_path, "step:hang", name="Hanging")
     files = {kind: tmp_path / f"report.{kind}" for kind in REPORT_FILES}
-    command = [sys.executable, "-m", "emla_cosim", "verify", str(done), str(hanging), "--seconds", "99"]
+    command = [sys.executable, "-m", "emla_cosim", "verify", str(finished), str(hanging), "--seconds", "99"]
     command += ["--only", "run.completes", *(f"--{kind}={f}" for kind, f in files.items())]
     process = subprocess.Popen(
         command,
@@ -149,13 +150,16 @@ def test_interruption_keeps_finished_findings(tmp_path: Path, number: signal.Sig
     )
     assert process.stdout is not None
     _wait_until_it_hangs(process, tmp_path)
+    everyone = family(process)
     process.send_signal(number)
     message, _ = process.communicate(timeout=60)
     assert process.returncode == 1, message
+    assert not psutil.wait_procs(everyone, timeout=60.0)[1], "a process survives"
+    assert not list(tmp_path.glob("emla-*")), "temporary files are left"
     assert b"interrupted before all checks were done" in message
-    found = json.loads(files["json"].read_text())
-    assert (found["complete"], found["passed"]) == (False, False)
-    first, second = found["examined"]
+    report = json.loads(files["json"].read_text())
+    assert (report["complete"], report["passed"]) == (False, False)
+    first, second = report["examined"]
     assert first["passed"] and [f["verdict"] for f in first["findings"]] == ["passed"]
     assert "interrupted" in second["objections"][0]
     assert "interrupted" in files["junit"].read_text()
@@ -167,13 +171,13 @@ def test_interruption_keeps_finished_findings(tmp_path: Path, number: signal.Sig
 
 def _wait_until_it_hangs(process: subprocess.Popen[bytes], folder: Path) -> None:
     """Wait until the first FMU was unpacked and removed again, and the second one is unpacked."""
-    seen: set[str] = set()
+    unpacked: set[str] = set()
 
     def is_at_the_second() -> bool:
         assert process.poll() is None
-        here = {path.stem for path in folder.glob("emla-*/emla-verify-*/emla-verify-*/fmu/binaries/*/*")}
-        seen.update(here)
-        return "Done" in seen and here == {"Hanging"}
+        present = {path.stem for path in folder.glob("emla-*/emla-verify-*/emla-verify-*/fmu/binaries/*/*")}
+        unpacked.update(present)
+        return "Done" in unpacked and present == {"Hanging"}
 
     wait_for(is_at_the_second, 90.0)
     time.sleep(0.5)

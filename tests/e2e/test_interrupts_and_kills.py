@@ -3,7 +3,6 @@
 import os
 import re
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -23,13 +22,14 @@ from emla_cosim.master.stepping.checkpoint import load_checkpoint
 from emla_cosim.views.output_folder import OutputFolder
 from tests.support.clusters import family
 from tests.support.commands import Emla, sentence
-from tests.support.processes import start
+from tests.support.processes import call, start
+from tests.support.processes import run as run_program
 from tests.support.waiting import has_rows, wait_for
 from tests.support.whole_files import assert_whole, names
 
 needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`, so no supervision.")
 
-SHORT = ("--stop-time", "0.002")
+STOP_EARLY = ("--stop-time", "0.002")
 STOP_TIME = "0.8"
 OFTEN = "import emla_cosim.recorders.checkpoints as c; c.INTERVAL = 0.05\n"
 """Makes so many checkpoints that most runs have one."""
@@ -57,10 +57,10 @@ def run(fmus: Path, stop_time: str = STOP_TIME) -> tuple[object, ...]:
 
 @pytest.fixture(scope="module")
 def complete(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """results.csv of a run that nobody ended."""
+    """results.csv of an undisturbed run."""
     folder = tmp_path_factory.mktemp("complete")
-    done = start(folder, *run(fmu_folder), "--no-plots")
-    assert done.communicate(timeout=300.0) and done.returncode == 0
+    process = start(folder, *run(fmu_folder), "--no-plots")
+    assert process.communicate(timeout=300.0) and process.returncode == 0
     return (folder / "out/results.csv").read_bytes()
 
 
@@ -112,23 +112,21 @@ def test_ended_run_leaves_whole_files_and_can_be_continued(
         assert names(out) >= {"results.csv", "metrics.json", "run.json"}
     if killed:  # the next command removes what it left
         assert any((tmp_path / "temporary").iterdir())
-        emla = [sys.executable, "-m", "emla_cosim", "--version"]
-        environment = {**os.environ, "TMPDIR": str(tmp_path / "temporary")}
-        subprocess.run(emla, env=environment, check=True, capture_output=True)
+        assert call(tmp_path, "--version")[0] == 0
         assert not any((tmp_path / "temporary").iterdir())
 
     monkeypatch.chdir(tmp_path)
     command = [*map(str, run(fmu_folder)), "--no-plots"]
     if (tmp_path / "c").exists() and load_checkpoint(tmp_path / "c").notes["time"] < float(STOP_TIME):
         command += ["--resume", "c"]
-    again = CliRunner().invoke(app, command)
-    assert again.exit_code == 0, again.output
+    second_run = CliRunner().invoke(app, command)
+    assert second_run.exit_code == 0, second_run.output
     assert (out / "results.csv").read_bytes() == complete
     assert_whole(out)
 
 
 def check_message(code: int, errors: str, killed: bool, name: str, phase: str) -> None:
-    """There is one message, if anybody is left to write it."""
+    """There is one message, if a process is left to write it."""
     assert "Traceback" not in errors, errors
     messages = [x for x in errors.splitlines() if x.startswith(("Error:", "Interrupted."))]
     if killed:
@@ -181,7 +179,7 @@ def test_signal_while_plots_are_drawn_ends_them(
         return draw(self, name, figure)
 
     monkeypatch.setattr(OutputFolder, "draw", send_signal)
-    message = sentence(emla("run", "lift", *SHORT, "--output", "out"), 1)
+    message = sentence(emla("run", "lift", *STOP_EARLY, "--output", "out"), 1)
     assert message == "Error: the plots were interrupted. The results so far are in out."
     assert len(drawn) == 2
     assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
@@ -197,7 +195,7 @@ def test_signal_while_files_are_saved_waits_for_them(
         return save(*arguments, **options)
 
     monkeypatch.setattr(OutputFolder, "save", send_signal)
-    result = emla("run", "lift", *SHORT, "--no-plots", "--output", "out")
+    result = emla("run", "lift", *STOP_EARLY, "--no-plots", "--output", "out")
     assert "Traceback" not in result.stderr
     assert names(tmp_path / "out") == {"results.csv", "metrics.json", "run.json"}
     assert '"status": "completed"' in (tmp_path / "out/run.json").read_text()
@@ -214,26 +212,11 @@ def test_sweep_without_a_finished_variant_is_interrupted(
 
     monkeypatch.setattr(session, "catch_interrupts", interrupt_at_once)
     vary = ("--vary", "lift.plant.motor.R_s=0.1,0.2")
-    result = emla("sweep", "lift", *vary, *SHORT, "--output", "out")
+    result = emla("sweep", "lift", *vary, *STOP_EARLY, "--output", "out")
     assert "interrupted; the results so far are in out" in sentence(result, 1)
     table = polars.read_parquet(tmp_path / "out/variants.parquet")
     columns = {STATUS, "lift.plant.motor.R_s", "lift.position_error_m"}
     assert table.height == 0 and columns <= set(table.columns)
-
-
-@needs_fork
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["SIGINT", "SIGKILL"])
-def test_ended_verification_leaves_nothing(name: str, fmu_folder: Path, tmp_path: Path) -> None:
-    process = start(tmp_path, "verify", fmu_folder / "Reference/Reference.fmu", "--json", "v.json")
-    wait_for(lambda: len(family(process)) >= 3 or process.poll() is not None, 300.0)
-    everyone, killed = family(process), name == "SIGKILL"
-    process.send_signal(getattr(signal, name))
-    _, errors = process.communicate(timeout=300.0)
-    assert not psutil.wait_procs(everyone, timeout=60.0)[1], "a process survives"
-    assert process.returncode == (-signal.SIGKILL if killed else 1)
-    assert_whole(tmp_path, killed=True)
-    assert killed or ("Traceback" not in errors and not any((tmp_path / "temporary").iterdir()))
 
 
 # ---- supervision -------------------------------------------------------------------------------
@@ -258,10 +241,9 @@ run_supervised(os.abort, rescue)
     ],
 )
 def test_end_of_a_supervised_process_is_reported(rescue: str, message: str, tmp_path: Path) -> None:
-    code = [sys.executable, "-c", SUPERVISED.format(rescue)]
-    done = subprocess.run(code, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert done.stderr.splitlines()[-1].startswith(message)
+    process = run_program(sys.executable, "-c", SUPERVISED.format(rescue), cwd=tmp_path)
+    assert process.returncode == 1 and "Traceback" not in process.stderr
+    assert process.stderr.splitlines()[-1].startswith(message)
 
 
 WITHOUT_PROCESSES = """

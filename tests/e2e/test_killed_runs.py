@@ -30,19 +30,19 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def undisturbed(fmu_folder: Path) -> np.ndarray:
-    """All rows of a run that nobody kills."""
+    """All rows of an undisturbed run."""
     with ec.load("lift", stop_time=STOP, output_interval=STEP, fmus=fmu_folder).prepare() as simulation:
         return simulation.run().to_polars().to_numpy()
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
-@pytest.mark.parametrize("every", [1, 10, 999])
+@pytest.mark.parametrize("steps_per_row", [1, 10, 999])
 def test_every_completed_row_survives(
-    form: str, every: int, undisturbed: np.ndarray, fmu_folder: Path, tmp_path: Path
+    form: str, steps_per_row: int, undisturbed: np.ndarray, fmu_folder: Path, tmp_path: Path
 ) -> None:
-    random = np.random.default_rng(every)
-    options = ("--stop-time", STOP, "--output-interval", f"{every * STEP:g}", "--output-format", form)
-    found = 0
+    random = np.random.default_rng(steps_per_row)
+    options = ("--stop-time", STOP, "--output-interval", f"{steps_per_row * STEP:g}", "--output-format", form)
+    killed_count = 0
     for out in (tmp_path / f"out{draw}" for draw in range(DRAWS)):
         table = out / f"results.{form}"
         command = ("run", "lift", "--fmus", fmu_folder, "--no-plots", *options, "--output", out.name)
@@ -59,14 +59,14 @@ def test_every_completed_row_survives(
         assert_whole(out)
         if "before its first step" in errors or "complete" in errors:
             continue
-        found += 1
+        killed_count += 1
         assert names(out) == {table.name, "metrics.json", "run.json"}
         rows = polars.read_csv(table) if form == "csv" else polars.read_parquet(table)
         steps = json.loads((out / "metrics.json").read_text())["run"]["steps"]
-        due = sorted({*range(0, steps + 1, every), steps})
+        due = sorted({*range(0, steps + 1, steps_per_row), steps})
         assert np.array_equal(rows.to_numpy(), undisturbed[due])
         assert f"the run ended at t = {rows['time'][-1]:.6g} s: the process was killed" in errors
-    assert found
+    assert killed_count
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
@@ -80,9 +80,9 @@ def test_folder_of_a_run_whose_processes_were_all_killed(
         out = tmp_path / "out"
         wait_for(lambda p=pattern, n=least, o=out: any(f.stat().st_size > n for f in o.glob(p)), 300.0)
         parent = psutil.Process(process.pid)
-        for one in (parent, *parent.children(recursive=True)):
+        for member in (parent, *parent.children(recursive=True)):
             with suppress(psutil.NoSuchProcess):  # it ends with its parent
-                one.kill()
+                member.kill()
         process.communicate(timeout=300.0)
     assert json.loads((tmp_path / "out/run.json").read_text()) == {"scenario": "lift", "status": "unfinished"}
     assert "the run of 'out/run.json' has not finished" in sentence(emla("rerun", "out"), 2)

@@ -26,30 +26,30 @@ from emla_cosim.fmu.unpack import UnsafeArchiveError, unpack
 from emla_cosim.run.options import list_options
 from emla_cosim.views.output_folder import OutputFolder
 from emla_cosim.views.plots.pictures import FIGURES
-from fmublock import build
 from fmublock.__main__ import main as fmublock_main
 from fmublock.files import UNFINISHED, NotAFileError, real_place
 from fmublock.platforms import host_platform
 from tests.support import toy
 from tests.support.commands import Emla, sentence
 from tests.support.tiers import mostly_slow
+from tests.support.toy_fmu import copy_toy
 from tests.support.whole_files import names
 
-MINE = "years of work\n"
-SHORT = ("--stop-time", "0.002")
-RUN = ("run", "lift", *SHORT)
+USER_TEXT = "years of work\n"
+STOP_TIME = ("--stop-time", "0.002")
+RUN = ("run", "lift", *STOP_TIME)
 QUICK = (*RUN, "--no-plots", "--output", "out")
-SWEEP = ("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1,0.2", *SHORT)
-COMPARE = ("compare", "lift", "--controllers", "foc", *SHORT)
-CERTIFY = ("compare", "lift", "--gains", "robust", "--table", "certificate", *SHORT)
+SWEEP = ("sweep", "lift", "--vary", "lift.plant.motor.R_s=0.1,0.2", *STOP_TIME)
+COMPARE = ("compare", "lift", "--controllers", "foc", *STOP_TIME)
+CERTIFY = ("compare", "lift", "--gains", "robust", "--table", "certificate", *STOP_TIME)
 TUNE = (
     *("tune", "lift", "--vary", "lift.controller.beta[1]=200:4000", "--objective", "lift.position_error_m"),
-    *("--evaluations", "4", "--validation", "0", *SHORT),
+    *("--evaluations", "4", "--validation", "0", *STOP_TIME),
 )
 FIRST = (*RUN, "--no-plots", "--output", "first")
 IDENTIFY = (
     *("identify", "lift", "--measured", "first/results.csv:lift.plant.x_L=lift.plant.x_L"),
-    *("--vary", "lift.plant.motor.J_m=0.1:0.4", "--evaluations", "2", *SHORT),
+    *("--vary", "lift.plant.motor.J_m=0.1:0.4", "--evaluations", "2", *STOP_TIME),
 )
 VERIFY = ("verify", "read.fmu", "--only", "archive")
 SIZE = ("size", "prototype", "--stop-time", "0.05", "--lead-in", "350ms")
@@ -78,8 +78,8 @@ class Attempt:
     after: bool = False
     code: int = 0
 
-    def named(self, place: Path) -> list[str]:
-        return [*self.arguments, *filter(None, [self.option]), str(place)]
+    def with_output(self, output: Path) -> list[str]:
+        return [*self.arguments, *filter(None, [self.option]), str(output)]
 
 
 FMUS = ("--fmus", ["EmlaPlant/EmlaPlant.fmu"])
@@ -177,17 +177,9 @@ def assert_unchanged(folder: Path, before: dict[Path, tuple[int, bytes]]) -> Non
     assert all(path.is_dir() for path in after.keys() - before.keys())
 
 
-@pytest.fixture(scope="session")
-def toy_file(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """An FMU that is verified quickly."""
-    path = tmp_path_factory.mktemp("toy") / "Toy.fmu"
-    build(toy.Toy, path)
-    return path.read_bytes()
-
-
-def prepare(attempt: Attempt, emla: Emla, folder: Path, toy_file: bytes) -> Path:
-    """Make what a command reads, and return the place of its output."""
-    (folder / "read.fmu").write_bytes(toy_file)
+def prepare(attempt: Attempt, emla: Emla, folder: Path) -> Path:
+    """Make what a command reads, and return the path of its output."""
+    copy_toy(folder / "read.fmu")
     assert not attempt.after or emla(*FIRST).exit_code == 0
     return folder / f"place{attempt.suffix}"
 
@@ -196,16 +188,14 @@ FEW = ["run output", "run checkpoint", "build output", "verify json", "export fi
 
 
 @pytest.mark.parametrize("name", mostly_slow(ATTEMPTS, FEW))
-def test_user_file_is_neither_replaced_nor_removed(
-    name: str, emla: Emla, tmp_path: Path, toy_file: bytes
-) -> None:
+def test_user_file_is_neither_replaced_nor_removed(name: str, emla: Emla, tmp_path: Path) -> None:
     attempt = ATTEMPTS[name]
-    place = prepare(attempt, emla, tmp_path, toy_file)
-    target = place / attempt.files[0] if attempt.files else place
+    output = prepare(attempt, emla, tmp_path)
+    target = output / attempt.files[0] if attempt.files else output
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(MINE)
+    target.write_text(USER_TEXT)
     before = state(tmp_path)
-    message = sentence(emla(*attempt.named(place)), 2)
+    message = sentence(emla(*attempt.with_output(output)), 2)
     assert "--overwrite" in message and len(message) < 600
     assert_unchanged(tmp_path, before)
 
@@ -216,36 +206,36 @@ REPLACED = [n for n, a in ATTEMPTS.items() if a.option != "--fmus"]
 @pytest.mark.usefixtures("on_one_cluster")
 @pytest.mark.parametrize("name", mostly_slow(REPLACED, ["run output", "run checkpoint", "export file"]))
 def test_overwrite_replaces_user_files_and_own_files_need_no_option(
-    name: str, emla: Emla, tmp_path: Path, toy_file: bytes
+    name: str, emla: Emla, tmp_path: Path
 ) -> None:
     attempt = ATTEMPTS[name]
-    place = prepare(attempt, emla, tmp_path, toy_file)
-    files = [place / file for file in attempt.files] or [place]
+    output = prepare(attempt, emla, tmp_path)
+    files = [output / file for file in attempt.files] or [output]
     for file in files:
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(MINE)
+        file.write_text(USER_TEXT)
     copy = tmp_path / "copy"
     os.link(files[0], copy)
-    result = emla(*attempt.named(place), "--overwrite")
+    result = emla(*attempt.with_output(output), "--overwrite")
     assert result.exit_code == attempt.code, result.output
-    assert copy.read_text() == MINE, "another name of the file has new content"
+    assert copy.read_text() == USER_TEXT, "another name of the file has new content"
     unwritten = {"worst.txt"} | {f"{n}.png" for n in FIGURES}  # which not every command has
-    assert all(f.read_text("latin-1") != MINE for f in files if f.exists() and f.name not in unwritten)
+    assert all(f.read_text("latin-1") != USER_TEXT for f in files if f.exists() and f.name not in unwritten)
     if attempt.option == "--record":
         return  # reference files need the option each time
-    thesis = (place if attempt.files else tmp_path) / "thesis.txt"
-    thesis.write_text(MINE)
-    assert emla(*attempt.named(place)).exit_code == attempt.code
-    assert thesis.read_text() == MINE
+    thesis = (output if attempt.files else tmp_path) / "thesis.txt"
+    thesis.write_text(USER_TEXT)
+    assert emla(*attempt.with_output(output)).exit_code == attempt.code
+    assert thesis.read_text() == USER_TEXT
 
 
 @pytest.mark.parametrize("picture", ["forces-and-speeds", "positions-and-accelerations", "path"])
 def test_picture_beside_a_trajectory_is_not_replaced(picture: str, emla: Emla, tmp_path: Path) -> None:
     file = tmp_path / f"place-{picture}.png"
-    file.write_text(MINE)
+    file.write_text(USER_TEXT)
     message = sentence(emla(*TRAJECTORY, "--output", "place.json"), 2)
     assert f"{file.name}' was not written by emla" in message
-    assert file.read_text() == MINE and not (tmp_path / "place.json").exists()
+    assert file.read_text() == USER_TEXT and not (tmp_path / "place.json").exists()
 
 
 # ---- the folder of a run -----------------------------------------------------------------------
@@ -258,17 +248,18 @@ def test_run_replaces_and_removes_its_own_files_only(emla: Emla, tmp_path: Path)
     assert any(out.glob("*.png"))
     (out / "metrics.json").write_text("changed by hand")
     for name in ("thesis.txt", ".unfinished-thesis.txt"):
-        (out / name).write_text(MINE)
+        (out / name).write_text(USER_TEXT)
     (out / ".unfinished-abcdefgh").write_text("of a killed run")
     (out / ".unfinished-abcdefgi").symlink_to(out / "thesis.txt")
     (out / ".emla.json").write_text('{\n "format": "emla-output",\n "version": 1}')  # of an earlier version
     assert emla(*QUICK).exit_code == 0
     assert json.loads((out / "metrics.json").read_text())["run"]["steps"] == 20
-    mine = {"thesis.txt", ".unfinished-thesis.txt", ".unfinished-abcdefgi"}
-    assert names(out) == {"results.csv", "metrics.json", "run.json", *mine}
-    assert all((out / name).read_text() == MINE for name in mine)
+    user_files = {"thesis.txt", ".unfinished-thesis.txt", ".unfinished-abcdefgi"}
+    assert names(out) == {"results.csv", "metrics.json", "run.json", *user_files}
+    assert all((out / name).read_text() == USER_TEXT for name in user_files)
 
 
+@pytest.mark.usefixtures("on_one_cluster")
 def test_folder_without_a_record_is_refused(emla: Emla, tmp_path: Path) -> None:
     assert emla(*QUICK).exit_code == 0
     (tmp_path / "out/run.json").unlink()
@@ -279,8 +270,8 @@ def test_folder_without_a_record_is_refused(emla: Emla, tmp_path: Path) -> None:
     )
     assert state(tmp_path) == before
     assert emla(*QUICK, "--overwrite").exit_code == 0
-    assert emla(*LINEARIZE, "--output", "out").exit_code == 0, "other results of emla"
-    assert {"run.json", "linearize.json"} < names(tmp_path / "out")
+    assert emla(*SWEEP, "--output", "out").exit_code == 0, "other results of emla"
+    assert {"run.json", "sweep.json"} < names(tmp_path / "out")
 
 
 def test_result_of_python_replaces_its_own_files_only(fmu_folder: Path, tmp_path: Path) -> None:
@@ -289,7 +280,7 @@ def test_result_of_python_replaces_its_own_files_only(fmu_folder: Path, tmp_path
     for _ in range(2):
         result.save(tmp_path / "out", plots=False)
     (tmp_path / "other").mkdir()
-    (tmp_path / "other/errors.png").write_text(MINE)
+    (tmp_path / "other/errors.png").write_text(USER_TEXT)
     with pytest.raises(CommandError, match=r"has 'errors\.png', which was not written by emla"):
         result.save(tmp_path / "other")
     result.save(tmp_path / "other", overwrite=True)
@@ -300,25 +291,25 @@ def test_table_of_python_replaces_its_own_file_only(
     kind: type[ec.CsvFile | ec.ParquetFile], fmu_folder: Path, tmp_path: Path
 ) -> None:
     end = kind.__name__[:-4].lower()
-    path, second, other = (tmp_path / name for name in (f"t.{end}", f"second.{end}", "notes.txt"))
+    path, second, notes = (tmp_path / name for name in (f"t.{end}", f"second.{end}", "notes.txt"))
     with ec.load("lift", stop_time=0.002, fmus=fmu_folder).prepare() as simulation:
-        path.write_text(MINE)
+        path.write_text(USER_TEXT)
         with pytest.raises(CommandError, match=f"t.{end}' was not written by emla"):
             simulation.run(recorders=[kind(path)])
-        assert path.read_text() == MINE
+        assert path.read_text() == USER_TEXT
         simulation.run(recorders=[kind(path, overwrite=True)])
         for stop_time in (0.001, 0.002):
             simulation.run(recorders=[kind(path), kind(second)], stop_time=stop_time)
         assert path.read_bytes() == second.read_bytes()
-        other.write_text(MINE)
+        notes.write_text(USER_TEXT)
         (tmp_path / "run.json").write_text('{"scenario": "lift", "status": "completed"}')
         with pytest.raises(CommandError, match=r"notes\.txt' was not written by emla"):
-            simulation.run(recorders=[kind(other)])
+            simulation.run(recorders=[kind(notes)])
         path.unlink()
-        path.symlink_to(other)
+        path.symlink_to(notes)
         with pytest.raises(ec.CosimError, match="link"):
             simulation.run(recorders=[kind(path, overwrite=True)])
-    assert path.is_symlink() and other.read_text() == MINE
+    assert path.is_symlink() and notes.read_text() == USER_TEXT
 
 
 # ---- one command per folder --------------------------------------------------------------------
@@ -328,7 +319,7 @@ FOLDERS = {
     "sweep": (*SWEEP, "--output", "out"),
     "compare": (*COMPARE, "--output", "out"),
     "tune": (*TUNE, "--output", "out"),
-    "size": ("size", "lift", *SHORT, "--output", "out"),
+    "size": ("size", "lift", *STOP_TIME, "--output", "out"),
     "linearize": ("linearize", "lift", "--open", "lift", "--stop-time", "0.01", "--output", "out"),
 }
 
@@ -361,11 +352,11 @@ def test_lock_of_a_killed_command_is_taken_over(fork: str, emla: Emla, tmp_path:
         f"with e(Path(sys.argv[1])): print('held', flush=True); {fork}sys.stdin.read()"
     )
     command, pipe = [sys.executable, "-c", code, str(out)], subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
-        assert other.stdout is not None and other.stdout.readline() == "held\n"
-        assert f"process {other.pid} since 20" in sentence(emla(*QUICK), 2)
-        other.kill()
-        other.wait()
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as holder:
+        assert holder.stdout is not None and holder.stdout.readline() == "held\n"
+        assert f"process {holder.pid} since 20" in sentence(emla(*QUICK), 2)
+        holder.kill()
+        holder.wait()
         assert (out / ".running").exists()
         assert emla(*QUICK).exit_code == 0
     assert names(out) == {"results.csv", "metrics.json", "run.json"}
@@ -386,18 +377,18 @@ def test_two_commands_with_one_file_leave_it_whole(fmu_folder: Path, tmp_path: P
 # ---- files and folders that change while a command runs ----------------------------------------
 
 
-def remove(out: Path, mine: Path) -> None:
+def remove(out: Path, user_folder: Path) -> None:
     out.rename(out.with_name("moved"))
 
 
-def replace_by_link(out: Path, mine: Path) -> None:
-    remove(out, mine)
-    out.symlink_to(mine, target_is_directory=True)
+def replace_by_link(out: Path, user_folder: Path) -> None:
+    remove(out, user_folder)
+    out.symlink_to(user_folder, target_is_directory=True)
 
 
-def replace_by_folder(out: Path, mine: Path) -> None:
-    remove(out, mine)
-    mine.rename(out)
+def replace_by_folder(out: Path, user_folder: Path) -> None:
+    remove(out, user_folder)
+    user_folder.rename(out)
 
 
 CHANGES: list[tuple[Sequence[str], type[Any], str, Callable[[Path, Path], None]]] = [
@@ -420,24 +411,24 @@ def test_folder_that_changes_during_a_command(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    out, mine = tmp_path / "out", tmp_path / "mine"
-    mine.mkdir()
+    out, user_folder = tmp_path / "out", tmp_path / "mine"
+    user_folder.mkdir()
     files = ("metrics.json", "run.json", "results.csv", "variants.parquet", "sweep.json", "tracking.png")
     for name in files:
-        (mine / name).write_text(MINE)
+        (user_folder / name).write_text(USER_TEXT)
     original, changed = getattr(owner, method), list[bool]()
 
-    def change_once(self: Any, *arguments: Any, **named: Any) -> Any:
+    def change_once(self: Any, *arguments: Any, **options: Any) -> Any:
         if not changed:
             changed.append(True)
-            change(out, mine)
-        return original(self, *arguments, **named)
+            change(out, user_folder)
+        return original(self, *arguments, **options)
 
     monkeypatch.setattr(owner, method, change_once)
     assert sentence(emla(*command), 1)
-    folder = out if change is replace_by_folder else mine
+    folder = out if change is replace_by_folder else user_folder
     assert {p.name for p in folder.iterdir()} == set(files)
-    assert all((folder / name).read_text() == MINE for name in files)
+    assert all((folder / name).read_text() == USER_TEXT for name in files)
     assert change is not replace_by_link or out.is_symlink()
 
 
@@ -455,22 +446,22 @@ def test_file_that_appears_during_a_command_stays(
     file: str, emla: Emla, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The user writes it just before the command gives its own file the name."""
-    original, path, done = os.fsync, tmp_path / file, list[bool]()
+    original, path, has_appeared = os.fsync, tmp_path / file, list[bool]()
 
     def fsync(handle: int) -> None:
-        if not done:
-            done.append(True)
-            path.write_text(MINE)
+        if not has_appeared:
+            has_appeared.append(True)
+            path.write_text(USER_TEXT)
         original(handle)
 
     monkeypatch.setattr(fmublock.files.os, "fsync", fsync)
     message = sentence(emla(*APPEARING[file]), 1)
     assert "appeared while emla ran" in message or "was not built by" in message
-    assert (tmp_path / file).read_text() == MINE
+    assert (tmp_path / file).read_text() == USER_TEXT
     assert not [p for p in tmp_path.rglob("*") if p.name.startswith(UNFINISHED)]
-    done.clear()
-    assert emla(*APPEARING[file], "--overwrite").exit_code == 0 and done
-    assert (tmp_path / file).read_bytes() != MINE.encode()
+    has_appeared.clear()
+    assert emla(*APPEARING[file], "--overwrite").exit_code == 0 and has_appeared
+    assert (tmp_path / file).read_bytes() != USER_TEXT.encode()
 
 
 def test_file_that_appears_while_a_run_is_prepared_stays(
@@ -478,13 +469,13 @@ def test_file_that_appears_while_a_run_is_prepared_stays(
 ) -> None:
     begin = OutputFolder.begin
 
-    def late(self: OutputFolder, *arguments: Any, **named: Any) -> None:
-        (tmp_path / "out/run.json").write_text(MINE)
-        begin(self, *arguments, **named)
+    def late(self: OutputFolder, *arguments: Any, **options: Any) -> None:
+        (tmp_path / "out/run.json").write_text(USER_TEXT)
+        begin(self, *arguments, **options)
 
     monkeypatch.setattr(OutputFolder, "begin", late)
     assert "has 'run.json', which was not" in sentence(emla(*QUICK), 2)
-    assert (tmp_path / "out/run.json").read_text() == MINE
+    assert (tmp_path / "out/run.json").read_text() == USER_TEXT
 
 
 @pytest.mark.parametrize("replaced", [False, True])
@@ -497,14 +488,14 @@ def test_table_that_is_removed_during_a_run_is_reported(
         def write(self, rows: Any) -> None:
             path.unlink()
             if replaced:
-                path.write_text(MINE)
+                path.write_text(USER_TEXT)
 
     with (
         ec.load("lift", stop_time=0.01, fmus=fmu_folder).prepare() as simulation,
         pytest.raises(ec.RunError, match="removed or replaced while the run wrote to it"),
     ):
         simulation.run(recorders=[ec.CsvFile(path), Removing()])
-    assert not replaced or path.read_text() == MINE
+    assert not replaced or path.read_text() == USER_TEXT
 
 
 # ---- names -------------------------------------------------------------------------------------
@@ -528,7 +519,7 @@ def test_one_name_has_one_use(emla: Emla, tmp_path: Path, faulty_fmu: Path) -> N
         ((*QUICK, "--checkpoint", "out/../out/run.json"), "is also a file of the results"),
         ((*QUICK, "--checkpoint", "out/RUN.json"), "is also a file of the results"),
         (("run", "my.toml", "--checkpoint", "my.toml"), "the checkpoint 'my.toml' is also the scenario"),
-        (("run", "x.ssp", *SHORT, "--checkpoint", "link.ssp"), "'link.ssp' cannot be written: it is a"),
+        (("run", "x.ssp", *STOP_TIME, "--checkpoint", "link.ssp"), "'link.ssp' cannot be written: it is a"),
         ((*RUN, "--replace", "lift.plant=x.ssp", "--checkpoint", "x.ssp"), "is also the FMU"),
         (("export", "x.ssp", "x.ssp"), "the package 'x.ssp' is also the scenario"),
         (
@@ -569,15 +560,15 @@ def test_paths_are_relative_to_where_a_simulation_was_prepared(
 ) -> None:
     for name in ("here", "elsewhere"):
         (tmp_path / name).mkdir()
-    (tmp_path / "elsewhere" / "c").write_text(MINE)
+    (tmp_path / "elsewhere" / "c").write_text(USER_TEXT)
     monkeypatch.chdir(tmp_path / "here")
 
-    class Going(ec.Recorder):
+    class MovingRecorder(ec.Recorder):
         def pause(self, run: Any) -> None:
             os.chdir(tmp_path / "elsewhere")  # as an FMU may do
 
     with ec.load("lift", stop_time=0.002).prepare(fmus=fmu_folder) as simulation:
-        simulation.run(checkpoint="c", recorders=[Going(), ec.TimeSeries()])
+        simulation.run(checkpoint="c", recorders=[MovingRecorder(), ec.TimeSeries()])
         simulation.run(checkpoint="c", stop_time=0.003)
         assert simulation.run(resume="c", stop_time=0.004).simulated_s == pytest.approx(0.001)
         (tmp_path / "elsewhere" / "sub").mkdir()
@@ -586,7 +577,7 @@ def test_paths_are_relative_to_where_a_simulation_was_prepared(
         with pytest.raises(CommandError, match=r"the checkpoint .* cannot be written: .*null"):
             simulation.run(checkpoint="x\0y")
     assert (tmp_path / "here" / "c").exists()
-    assert (tmp_path / "elsewhere" / "c").read_text() == MINE
+    assert (tmp_path / "elsewhere" / "c").read_text() == USER_TEXT
 
 
 def test_file_system_that_ignores_case(emla: Emla, tmp_path: Path, faulty_fmu: Path) -> None:
@@ -595,7 +586,7 @@ def test_file_system_that_ignores_case(emla: Emla, tmp_path: Path, faulty_fmu: P
         pytest.skip("Names of files that differ only in case are different here.")
     shutil.copy(faulty_fmu, "Faulty.fmu")
     Path("out").mkdir()
-    for mine, command in (
+    for user_file, command in (
         ("out/Results.csv", QUICK),
         ("OUT/Variants.parquet", (*SWEEP, "--output", "out")),
         ("X.SSP", ("export", "lift", "x.ssp")),
@@ -603,10 +594,10 @@ def test_file_system_that_ignores_case(emla: Emla, tmp_path: Path, faulty_fmu: P
         ("V.json", ("verify", "Faulty.fmu", "--only", "archive", "--json", "v.json")),
         ("reference", ("build", "Reference", "--platform", "linux64", "--output", ".")),
     ):
-        Path(mine).write_text(MINE)
+        Path(user_file).write_text(USER_TEXT)
         sentence(emla(*command), 2)
-        assert Path(mine).read_text() == MINE
-        Path(mine).unlink()
+        assert Path(user_file).read_text() == USER_TEXT
+        Path(user_file).unlink()
     assert emla(*QUICK).exit_code == 0
     before = names(Path("out"))
     assert emla(*QUICK[:-1], "OUT").exit_code == 0
@@ -625,9 +616,9 @@ def test_user_fmus_are_not_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    mine = FMU_FOLDER / "Reference" / "Reference.fmu"
-    mine.parent.mkdir(parents=True)
-    mine.write_bytes(b"PK of another tool")
+    user_fmu = FMU_FOLDER / "Reference" / "Reference.fmu"
+    user_fmu.parent.mkdir(parents=True)
+    user_fmu.write_bytes(b"PK of another tool")
     with pytest.raises(CommandError, match=r"'fmus/Reference/Reference.fmu' was not written by emla"):
         check_build_path("Reference", "native")
     check_build_path("Reference", "native", overwrite=True)
@@ -635,10 +626,10 @@ def test_user_fmus_are_not_replaced(
 
     shutil.copy(toy.__file__, "toy.py")
     command = ["build", "toy.py:Toy"]
-    Path("Toy.fmu").write_text(MINE)
+    Path("Toy.fmu").write_text(USER_TEXT)
     assert fmublock_main(command) == 2
     assert "'Toy.fmu' was not built by fmublock" in capsys.readouterr().err
-    assert Path("Toy.fmu").read_text() == MINE
+    assert Path("Toy.fmu").read_text() == USER_TEXT
     for more in (["--overwrite"], []):
         assert fmublock_main([*command, *more]) == 0
     Path("Toy.fmu").rename("elsewhere.fmu")

@@ -1,6 +1,5 @@
 """`pytest --fmu`: every check of an FMU is a test."""
 
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -12,6 +11,7 @@ from tests.support.broken.editing import with_files
 from tests.support.broken.static import LIBRARY
 from tests.support.paths import ROOT
 from tests.support.pipelines import cut_fmu, good_fmu, strayed_fmu
+from tests.support.processes import run as run_program
 
 pytest_plugins = "pytester"
 
@@ -95,8 +95,8 @@ def test_failure_has_its_message_without_traceback(pytester: pytest.Pytester, fm
             "*1 failed, *",
         ]
     )
-    shown = result.stdout.str() + (pytester.path / "report.xml").read_text()
-    assert "Traceback" not in shown and "pytest_plugin" not in result.stdout.str()
+    output = result.stdout.str() + (pytester.path / "report.xml").read_text()
+    assert "Traceback" not in output and "pytest_plugin" not in result.stdout.str()
     assert run_here(pytester, *agrees, "--fmu-tolerance", "*=1e30").ret == 0
 
 
@@ -151,11 +151,11 @@ def test_warning_is_one_of_pytest(pytester: pytest.Pytester, build: Path) -> Non
         "    return replace(report, examined=(replace(one, findings=odd),))\n"
         "module.verify = verify\n"
     )
-    one = ["--fmu", "build/*.fmu", "-k", "run.finite"]
-    result = run(pytester, *one)
+    arguments = ["--fmu", "build/*.fmu", "-k", "run.finite"]
+    result = run(pytester, *arguments)
     result.assert_outcomes(passed=1, warnings=1)
     result.stdout.fnmatch_lines(["build/Reference.fmu::run.finite", "*FmuWarning: It is odd.*"])
-    strict = run(pytester, *one, "-W", "error")
+    strict = run(pytester, *arguments, "-W", "error")
     strict.assert_outcomes(failed=1)
     assert "Traceback" not in strict.stdout.str() and "pytest_plugin" not in strict.stdout.str()
 
@@ -233,8 +233,7 @@ def test_plugin_imports_little() -> None:
         "print(*sorted(m for m in new if m.startswith(('emla', 'fmu_verify', 'numpy', 'fmpy', 'lxml'))))\n"
         "import emla_cosim\nprint(callable(emla_cosim.verify))\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    modules, function = done.stdout.splitlines()
+    modules, function = run_program(sys.executable, "-c", script, check=True).stdout.splitlines()
     assert modules.split() == ["fmu_verify", PLUGIN]
     assert function == "True"
 

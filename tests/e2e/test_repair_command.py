@@ -56,7 +56,7 @@ def test_wrong_commands(faulty: str, emla: Emla) -> None:
     with zipfile.ZipFile("system.ssp", "w") as archive:
         archive.writestr("SystemStructure.ssd", "<SystemStructureDescription/>")
         archive.write(faulty, "resources/Toy.fmu")
-    for arguments, said in (
+    for arguments, message in (
         ((faulty,), "--dry-run"),
         ((faulty, "-o", faulty), "is also the FMU to repair"),
         ((faulty, "-o", "mine.txt"), "was not written by emla"),
@@ -69,7 +69,7 @@ def test_wrong_commands(faulty: str, emla: Emla) -> None:
         (("system.ssp", "-o", "fixed.ssp"), "'system.ssp' is a system (SSP); emla repair takes FMUs."),
     ):
         result = emla("repair", *arguments)
-        assert (result.exit_code, said in " ".join(result.stderr.split())) == (2, True), result.stderr
+        assert (result.exit_code, message in " ".join(result.stderr.split())) == (2, True), result.stderr
     assert not list(Path().glob("fixed.*"))
     assert emla("repair", faulty, "-o", "mine.txt", "--overwrite").exit_code == 0
 

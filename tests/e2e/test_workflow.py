@@ -18,6 +18,7 @@ from fmu_verify.pipeline import CODE_QUALITY, REPORTS
 from tests.support.pages import fences
 from tests.support.paths import ROOT
 from tests.support.pipelines import cut_fmu, good_fmu, strayed_fmu
+from tests.support.processes import run
 
 FOLDER = ROOT / ".github" / "workflows"
 WORKFLOWS = pytest.mark.parametrize("file", sorted(FOLDER.glob("*.yml")), ids=lambda file: file.stem)
@@ -37,7 +38,7 @@ CALLERS = [
     for fence in fences((ROOT / "docs" / "verify-in-ci.md").read_text(encoding="utf-8"))
     if "jobs:" in fence.content
 ]
-PLACES = {
+LOCAL_PATHS = {
     "OWNER/emla-cosim/.github/workflows/verify-fmus.yml@main": "./.github/workflows/verify-fmus.yml",
     "OWNER/emla-cosim@main": "./.emla-verify",
 }
@@ -52,8 +53,7 @@ pytestmark = [
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, cwd=ROOT, check=True)
     (path,) = folder.glob("*.whl")
     return path
 
@@ -61,11 +61,11 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def runner(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """The environment of a runner, where pip installs the wheel alone; the rest is here already."""
-    place = tmp_path_factory.mktemp("runner")
+    folder = tmp_path_factory.mktemp("runner")
     return {
-        "PATH": os.pathsep.join([str(place / "site" / "bin"), str(PROGRAMS), os.environ["PATH"]]),
-        "PYTHONPATH": str(place / "site"),
-        "PIP_TARGET": str(place / "site"),
+        "PATH": os.pathsep.join([str(folder / "site" / "bin"), str(PROGRAMS), os.environ["PATH"]]),
+        "PYTHONPATH": str(folder / "site"),
+        "PIP_TARGET": str(folder / "site"),
         "PIP_NO_DEPS": "1",
         "PIP_NO_INDEX": "1",
         "PIP_UPGRADE": "1",
@@ -86,8 +86,8 @@ class Ended:
 
     failed: str = ""
     code: int = 0
-    shown: str = ""
-    done: list[str] = field(default_factory=list)
+    output: str = ""
+    steps: list[str] = field(default_factory=list)
 
 
 def verified(workspace: Path, runner: dict[str, str], **inputs: str) -> Ended:
@@ -96,9 +96,9 @@ def verified(workspace: Path, runner: dict[str, str], **inputs: str) -> Ended:
     As a runner does: after one that fails only those that say so are done. Steps that use other people's
     actions are left out.
     """
-    given = {name: str(about.get("default", "")) for name, about in INPUTS.items()}
-    given |= {"emla": runner["WHEEL"], "only": FEW}
-    given |= {name.replace("_", "-"): value for name, value in inputs.items()}
+    input_values = {name: str(about.get("default", "")) for name, about in INPUTS.items()}
+    input_values |= {"emla": runner["WHEEL"], "only": FEW}
+    input_values |= {name.replace("_", "-"): value for name, value in inputs.items()}
     folders = {
         "GITHUB_ACTIONS": "true",
         "GITHUB_ACTION_PATH": str(ROOT),
@@ -110,31 +110,24 @@ def verified(workspace: Path, runner: dict[str, str], **inputs: str) -> Ended:
     for step in STEPS:
         if "run" not in step or (ended.failed and "!cancelled()" not in step.get("if", "")):
             continue
-        own = {
-            name: re.sub(r"\$\{\{ inputs\.([\w-]+) \}\}", lambda m: given[m[1]], text)
+        step_variables = {
+            name: re.sub(r"\$\{\{ inputs\.([\w-]+) \}\}", lambda m: input_values[m[1]], text)
             for name, text in step.get("env", {}).items()
         }
-        done = subprocess.run(
-            ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]],
-            cwd=workspace,
-            env={**os.environ, **runner, **folders, **own},
-            text=True,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            check=False,
-        )
-        ended.shown += done.stdout
-        ended.done.append(step["name"])
-        if done.returncode and not ended.failed:
-            ended.failed, ended.code = step["name"], done.returncode
+        shell = ("bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"])
+        process = run(*shell, cwd=workspace, environment=runner | folders | step_variables)
+        ended.output += process.stdout + process.stderr
+        ended.steps.append(step["name"])
+        if process.returncode and not ended.failed:
+            ended.failed, ended.code = step["name"], process.returncode
     return ended
 
 
 def verdicts(workspace: Path) -> dict[str, str]:
     """Of all checks of the only FMU, from the report."""
     report = json.loads((workspace.parent / "temp/fmu-report/report.json").read_text(encoding="utf-8"))
-    (one,) = report["examined"]
-    return {finding["check"]: finding["verdict"] for finding in one["findings"]}
+    (examined,) = report["examined"]
+    return {finding["check"]: finding["verdict"] for finding in examined["findings"]}
 
 
 def read_summary(workspace: Path) -> str:
@@ -144,8 +137,8 @@ def read_summary(workspace: Path) -> str:
 def test_good_fmus_pass(workspace: Path, runner: dict[str, str], fmu_folder: Path) -> None:
     good_fmu(workspace / "build" / "deep er", fmu_folder)
     ended = verified(workspace, runner, fmus="build/**/*.fmu\n")
-    assert (ended.failed, ended.code) == ("", 0), ended.shown
-    assert ended.done == ["Install", "Verify"]
+    assert (ended.failed, ended.code) == ("", 0), ended.output
+    assert ended.steps == ["Install", "Verify"]
     reports = workspace.parent / "temp/fmu-report"
     assert (workspace.parent / "output").read_text() == f"folder={reports}\n"
     assert {file.name for file in reports.iterdir()} == {*REPORTS.values(), CODE_QUALITY}
@@ -156,9 +149,7 @@ def test_good_fmus_pass(workspace: Path, runner: dict[str, str], fmu_folder: Pat
     summary = read_summary(workspace)
     assert "✅ FMUs passed" in summary and "| ✅ | build/deep er/Reference.fmu |" in summary
     which = "head -1 \"$(command -v emla)\" && python -c 'import emla_cosim; print(emla_cosim.__file__)'"
-    environment = {**os.environ, **runner}
-    found = subprocess.run(["bash", "-c", which], env=environment, check=True, capture_output=True, text=True)
-    assert runner["PIP_TARGET"] in found.stdout  # that of the wheel
+    assert runner["PIP_TARGET"] in run("bash", "-c", which, environment=runner).stdout  # that of the wheel
 
 
 def test_failed_check_fails_the_job_and_is_reported(
@@ -167,7 +158,7 @@ def test_failed_check_fails_the_job_and_is_reported(
     strayed_fmu(workspace / "build", fmu_folder)
     cut_fmu(workspace / "build")
     ended = verified(workspace, runner, fmus="build/Reference.fmu\nbuild/C*.fmu")
-    assert (ended.failed, ended.code) == ("Verify", 1), ended.shown
+    assert (ended.failed, ended.code) == ("Verify", 1), ended.output
     summary = read_summary(workspace)
     assert "❌ build/Cut.fmu: **archive.safe**" in summary
     assert "❌ build/Reference.fmu: **reference.agrees**" in summary
@@ -186,7 +177,7 @@ def test_inputs_become_options(workspace: Path, runner: dict[str, str], fmu_fold
     assert verified(workspace, runner, **files, reference="kept").code == 1
     assert verdicts(workspace) == {"run.completes": "passed", "reference.agrees": "failed"}
     wide = verified(workspace, runner, **files, reference="kept", tolerance="x=1\n*=relative:1e30\n")
-    assert wide.code == 0, wide.shown
+    assert wide.code == 0, wide.output
 
 
 @pytest.mark.parametrize(
@@ -198,8 +189,8 @@ def test_inputs_are_not_executed(
     """With all in them that a shell would act on, the step fails as a wrong command does, and that is all."""
     trap = f"'\"; touch {tmp_path}/ran; $(touch {tmp_path}/ran) `touch {tmp_path}/ran` --help $HOME \\"
     ended = verified(workspace, runner, **({"fmus": "*.fmu"} | dict.fromkeys(names, trap)))
-    assert (ended.failed, ended.code in (1, 2)) == (step, True), ended.shown
-    assert "$HOME" in ended.shown
+    assert (ended.failed, ended.code in (1, 2)) == (step, True), ended.output
+    assert "$HOME" in ended.output
     assert not (tmp_path / "ran").exists()
 
 
@@ -225,7 +216,7 @@ def test_odd_file_names(workspace: Path, runner: dict[str, str], fmu_folder: Pat
 def test_missing_fmus_fail(pattern: str, words: str, workspace: Path, runner: dict[str, str]) -> None:
     ended = verified(workspace, runner, fmus=pattern)
     assert (ended.failed, ended.code) == ("Verify", 2)
-    assert words in ended.shown
+    assert words in ended.output
     assert not (workspace.parent / "summary.md").exists()
 
 
@@ -244,22 +235,16 @@ def test_component_runs_the_same_step(workspace: Path, runner: dict[str, str], f
     """Its script in a shell, with the variables that GitLab would set."""
     strayed_fmu(workspace / "build", fmu_folder)
     defaults = {name: about.get("default", "") for name, about in COMPONENT_INPUTS.items()}
-    given = defaults | {"fmus": "build/**/*.fmu", "emla": runner["WHEEL"], "only": FEW}
+    input_values = defaults | {"fmus": "build/**/*.fmu", "emla": runner["WHEEL"], "only": FEW}
     (job,) = COMPONENT.values()
     variables = {
-        name: re.sub(r"\$\[\[ inputs\.([\w-]+) \]\]", lambda m: given[m[1]], variable["value"])
+        name: re.sub(r"\$\[\[ inputs\.([\w-]+) \]\]", lambda m: input_values[m[1]], variable["value"])
         for name, variable in job["variables"].items()
     }
     assert all(variable["expand"] is False for variable in job["variables"].values())
-    done = subprocess.run(
-        ["bash", "-eo", "pipefail", "-c", "\n".join(job["script"])],
-        cwd=workspace,
-        env={**os.environ, **runner, **variables},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 1, done.stderr
+    shell = ("bash", "-eo", "pipefail", "-c", "\n".join(job["script"]))
+    process = run(*shell, cwd=workspace, environment=runner | variables)
+    assert process.returncode == 1, process.stderr
     for file in job["artifacts"]["reports"].values():
         assert (workspace / file).is_file()
     (entry,) = json.loads((workspace / job["artifacts"]["reports"]["codequality"]).read_text())
@@ -268,9 +253,9 @@ def test_component_runs_the_same_step(workspace: Path, runner: dict[str, str], f
 
 def test_action_workflow_and_component_have_the_same_inputs() -> None:
     workflow = WORKFLOW[True]["workflow_call"]["inputs"]  # `on` is a boolean in YAML 1.1
-    own = {"code-scanning"}, {"artifact"}, {"job", "stage"}
+    special = {"code-scanning"}, {"artifact"}, {"job", "stage"}
     shared = [
-        set(names) - more for names, more in zip((INPUTS, workflow, COMPONENT_INPUTS), own, strict=True)
+        set(names) - more for names, more in zip((INPUTS, workflow, COMPONENT_INPUTS), special, strict=True)
     ]
     assert shared[0] == shared[1] == shared[2] | {"report"}
     passed_on = WORKFLOW["jobs"]["verify"]["steps"][-1]["with"]
@@ -283,8 +268,8 @@ def test_action_workflow_and_component_have_the_same_inputs() -> None:
 
 
 def linted(file: Path, folder: Path) -> subprocess.CompletedProcess[str]:
-    command = [PROGRAMS / "actionlint", "-no-color", f"-shellcheck={PROGRAMS / 'shellcheck'}", file]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    options = ("-no-color", f"-shellcheck={PROGRAMS / 'shellcheck'}")
+    return run(PROGRAMS / "actionlint", *options, file, cwd=folder)
 
 
 needs_actionlint = pytest.mark.skipif(
@@ -308,8 +293,8 @@ def test_workflows_pass_actionlint(file: Path, repository: Path) -> None:
     for folder in (ROOT, repository):
         if folder != ROOT:
             shutil.copytree(FOLDER, repository / ".github/workflows", dirs_exist_ok=True)
-        done = linted(folder / ".github/workflows" / file.name, folder)
-        assert (done.returncode, done.stdout) == (0, "")
+        process = linted(folder / ".github/workflows" / file.name, folder)
+        assert (process.returncode, process.stdout) == (0, "")
 
 
 @needs_actionlint
@@ -320,35 +305,38 @@ def test_steps_of_the_action_pass_actionlint(repository: Path) -> None:
     workflow = {"on": {"workflow_call": {"inputs": inputs}}, "jobs": {"verify": job}}
     file = repository / ".github/workflows/steps.yml"
     file.write_text(yaml.safe_dump(workflow), encoding="utf-8")
-    done = linted(file, repository)
-    assert (done.returncode, done.stdout) == (0, "")
+    process = linted(file, repository)
+    assert (process.returncode, process.stdout) == (0, "")
 
 
 @needs_actionlint
 def test_documented_callers_pass_actionlint(repository: Path) -> None:
     """Also the inputs that they give: actionlint looks them up in files of the same repository."""
-    assert {place for place in PLACES if any(place in text for text in CALLERS)} == set(PLACES)
+    assert {remote for remote in LOCAL_PATHS if any(remote in text for text in CALLERS)} == set(LOCAL_PATHS)
     folder = repository / ".github/workflows"
     shutil.copy(FILE, folder)
     for number, text in enumerate(CALLERS):
         local = text
-        for place, path in PLACES.items():
-            local = local.replace(place, path)
+        for remote, path in LOCAL_PATHS.items():
+            local = local.replace(remote, path)
         for name, content in (("remote", text), ("local", local)):
             (folder / f"{name}{number}.yml").write_text(content, encoding="utf-8")
-            done = linted(folder / f"{name}{number}.yml", repository)
-            assert (done.returncode, done.stdout) == (0, "")
+            process = linted(folder / f"{name}{number}.yml", repository)
+            assert (process.returncode, process.stdout) == (0, "")
 
 
 def test_documented_includes_give_inputs_of_the_component() -> None:
     text = (ROOT / "docs/verify-in-ci.md").read_text(encoding="utf-8")
     includes = [
-        one
+        include
         for fence in fences(text)
         if fence.content.startswith("include:")
-        for one in yaml.safe_load(fence.content)["include"]
+        for include in yaml.safe_load(fence.content)["include"]
     ]
-    assert [sorted({"component", "remote"} & set(one)) for one in includes] == [["component"], ["remote"]]
+    assert [sorted({"component", "remote"} & set(include)) for include in includes] == [
+        ["component"],
+        ["remote"],
+    ]
     required = {name for name, about in COMPONENT_INPUTS.items() if "default" not in about}
-    for one in includes:
-        assert required <= set(one["inputs"]) <= set(COMPONENT_INPUTS)
+    for include in includes:
+        assert required <= set(include["inputs"]) <= set(COMPONENT_INPUTS)

@@ -19,8 +19,8 @@ import polars
 
 from tests.support.paths import ROOT
 
-HERE = Path(__file__).parent
-FILE = HERE / "frozen.json"
+FOLDER = Path(__file__).parent
+FILE = FOLDER / "frozen.json"
 WRITE = "EMLA_WRITE_FROZEN"
 """Set by `python -m tests.frozen`: tests then write what they would compare."""
 
@@ -30,7 +30,7 @@ DIGITS = 6
 MOST_VALUES = 20
 """Values that are compared of a table, evenly spread over its columns."""
 
-NAMED = {
+TABLES_BY_NAME = {
     "joints",
     "components",
     "signals",
@@ -90,9 +90,9 @@ def _libm() -> str:
 def _blas() -> str:
     """Return a fingerprint of the linear algebra that iterations use; processors get different kernels."""
     matrix = np.sin(0.37 + 1.618 * np.arange(900.0)).reshape(30, 30)
-    found = [matrix[:n, :n] @ matrix[:n, n - 1] for n in range(1, 31)]
-    found += [np.linalg.qr(matrix[:, :n]).R.ravel() for n in range(1, 31)]
-    return hashlib.sha256(np.concatenate(found).tobytes()).hexdigest()[:16]
+    products = [matrix[:n, :n] @ matrix[:n, n - 1] for n in range(1, 31)]
+    products += [np.linalg.qr(matrix[:, :n]).R.ravel() for n in range(1, 31)]
+    return hashlib.sha256(np.concatenate(products).tobytes()).hexdigest()[:16]
 
 
 def keys(value: Any, path: str = "") -> Iterator[str]:
@@ -101,9 +101,9 @@ def keys(value: Any, path: str = "") -> Iterator[str]:
         for key, inner in value.items():
             if key in NOT_FROZEN:
                 continue
-            here = f"{path}/{'*' if path.rpartition('/')[2] in NAMED or '.' in key else key}"
-            yield here
-            yield from keys(inner, here)
+            key_path = f"{path}/{'*' if path.rpartition('/')[2] in TABLES_BY_NAME or '.' in key else key}"
+            yield key_path
+            yield from keys(inner, key_path)
     elif isinstance(value, list):
         for inner in value:
             yield from keys(inner, path)
@@ -119,8 +119,8 @@ def last_row(path: Path) -> dict[str, float]:
     table = polars.read_parquet(path) if path.suffix == ".parquet" else polars.read_csv(path)
     row = table.row(-1, named=True)
     numbers = {n: v for n, v in row.items() if isinstance(v, float) and "wall" not in n}
-    chosen = list(numbers)[:: 1 + len(numbers) // MOST_VALUES]
-    return {name: float(f"{numbers[name]:.{DIGITS}g}") for name in chosen}
+    compared = list(numbers)[:: 1 + len(numbers) // MOST_VALUES]
+    return {name: float(f"{numbers[name]:.{DIGITS}g}") for name in compared}
 
 
 class Frozen:
@@ -136,10 +136,10 @@ class Frozen:
         Args:
             iterates: Whether bits also depend on linear algebra.
         """
-        beside = set() if iterates else {"blas"}
-        here = machine()
+        ignored = set() if iterates else {"blas"}
+        actual = machine()
         return self.is_written or all(
-            here[what] == frozen for what, frozen in self.content["machine"].items() if what not in beside
+            actual[part] == frozen for part, frozen in self.content["machine"].items() if part not in ignored
         )
 
     def check(self, kind: str, name: str, actual: Any) -> None:

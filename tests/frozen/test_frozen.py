@@ -11,7 +11,7 @@ from emla_cosim.cli.app import COMMANDS as NAMES
 from emla_cosim.cli.app import app
 from emla_cosim.fmu.models import MODELS, build, fmu_path
 from tests.frozen.commands import COMMANDS, Command
-from tests.frozen.record import DIGITS, HERE, Frozen, keys_of, last_row, sha256
+from tests.frozen.record import DIGITS, FOLDER, Frozen, keys_of, last_row, sha256
 from tests.support.commands import Emla
 
 TIERS = [pytest.param(name, marks=[pytest.mark.slow] * c.is_slow) for name, c in COMMANDS.items()]
@@ -58,7 +58,7 @@ def _check_tables(name: str, command: Command, output: Path, frozen: Frozen) -> 
 @pytest.mark.parametrize("command", ["", *NAMES])
 def test_help(command: str, frozen: Frozen) -> None:
     text = CliRunner().invoke(app, [*filter(None, [command]), "--help"], terminal_width=80).stdout
-    file = HERE / "help" / f"{command or 'emla'}.txt"
+    file = FOLDER / "help" / f"{command or 'emla'}.txt"
     if frozen.is_written:
         file.parent.mkdir(exist_ok=True)
         file.write_text(text, encoding="utf-8")

@@ -42,7 +42,7 @@ def case(request: pytest.FixtureRequest) -> Case:
 
 @pytest.fixture(autouse=True)
 def living_logger() -> Iterator[None]:
-    """FMPy's proxy goes on calling the logger that a test gave it, so afterwards it gets one that stays."""
+    """FMPy's proxy keeps calling the logger of a test, so afterwards it gets one that stays."""
     yield
     FmuLog()
 

@@ -56,10 +56,10 @@ def test_closed_loop_has_the_bits_of_our_master(
         expected = simulated(assembly.network, Jacobi(), times)[:, 1:]
     plan = write_plan(tmp_path / "plan", unpacked_fmus, 500, printed=names)
     run_program(plain_host, "-m", tmp_path / "maps", plan, tmp_path / "results")
-    found = read_results(tmp_path / "results")
-    same = (found.view("i8") == np.ascontiguousarray(expected).view("i8")).all(axis=0)
+    results = read_results(tmp_path / "results")
+    same = (results.view("i8") == np.ascontiguousarray(expected).view("i8")).all(axis=0)
     assert [name for name, is_same in zip(names, same, strict=True) if not is_same] == []
-    assert np.ptp(found, axis=0)[names.index("lift.plant.x_L")] > 0
+    assert np.ptp(results, axis=0)[names.index("lift.plant.x_L")] > 0
     fields = [line.split(maxsplit=5) for line in (tmp_path / "maps").read_text().splitlines()]
     mapped = {Path(line[5]).name for line in fields if len(line) > 5}
     assert {f"{component.model}.so" for component in LIFT.components} <= mapped

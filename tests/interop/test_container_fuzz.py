@@ -7,7 +7,6 @@ Every call depends on a fixed seed. With other seeds and numbers of calls:
 
 import itertools
 import os
-import subprocess
 import sys
 from collections import defaultdict
 from importlib.resources import files
@@ -25,6 +24,7 @@ from tests.backends.test_containers import without_sources
 from tests.support.c_programs import SANITIZERS, needs_cc, without_randomization
 from tests.support.container_calls import STEP, TYPES_3
 from tests.support.hand_written_fmus import build_all_types_3_fmu, build_event_fmu
+from tests.support.processes import run
 from tests.support.sessions import ERROR
 from tests.support.tiers import mostly_nightly
 
@@ -79,35 +79,21 @@ def test_random_calls_do_no_harm(system: str, fmi: int, fmu_folder: Path, tmp_pa
     mains = sorted(path.name for path in sources.glob("*.c"))
     headers, shared = str(files("fmpy").joinpath("c-code")), ["-shared", "-fPIC", "-fvisibility=hidden"]
     command = ["cc", *_FLAGS, *SANITIZERS["address"], *shared, "-I", headers, *mains, "-o", str(library)]
-    subprocess.run([*command, "-lm", "-ldl"], cwd=sources, check=True)
+    run(*command, "-lm", "-ldl", cwd=sources, check=True)
     description, resources = fmpy.read_model_description(str(fmu)), folder / "resources"
     letters = defaultdict(lambda: "?", LETTERS | {"Enumeration": "E" if fmi == 3 else "I"})
-    run = subprocess.run(
-        [
-            *without_randomization(),
-            sys.executable,
-            str(files("tests.support").joinpath("container_calls.py")),
-            str(fmi),
-            str(library),
-            str(description.guid),
-            resources.as_uri() if fmi == 2 else f"{resources}/",
-            "".join(letters[v.type] for v in description.modelVariables),
-            SEED,
-            CALLS,
-        ],
-        env={
-            **os.environ,
-            "LD_PRELOAD": subprocess.check_output(["cc", "-print-file-name=libasan.so"], text=True).strip(),
-            "PYTHONMALLOC": "malloc",
-            "ASAN_OPTIONS": "detect_leaks=1",
-        },
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    print(run.stdout)
-    assert (run.returncode, run.stderr) == (0, "")
-    counts = {name: [int(n) for n in numbers] for name, *numbers in map(str.split, run.stdout.splitlines())}
+    script = [*without_randomization(), sys.executable, files("tests.support").joinpath("container_calls.py")]
+    place_of_resources = resources.as_uri() if fmi == 2 else f"{resources}/"
+    types = "".join(letters[v.type] for v in description.modelVariables)
+    runtime = run("cc", "-print-file-name=libasan.so").stdout.strip()
+    environment = {"LD_PRELOAD": runtime, "PYTHONMALLOC": "malloc", "ASAN_OPTIONS": "detect_leaks=1"}
+    numbers = (fmi, library, description.guid, place_of_resources, types, SEED, CALLS)
+    process = run(*script, *numbers, environment=environment)
+    print(process.stdout)
+    assert (process.returncode, process.stderr) == (0, "")
+    counts = {
+        name: [*map(int, of_status)] for name, *of_status in map(str.split, process.stdout.splitlines())
+    }
     number = "Real" if fmi == 2 else "Float64"
     state = "state" if fmi == 2 else "State"
     for function in ("DoStep", f"Get{number}", f"Set{number}", f"GetFMU{state}", f"SetFMU{state}"):

@@ -1,6 +1,5 @@
 """FMPy accepts and runs every FMU alone."""
 
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from fmpy.fmi2 import fmi2Error
 from fmpy.validation import validate_fmu
 
 from emla_cosim.fmu.models import FLAVOURS, MODELS, fmu_path
+from tests.support.processes import run
 from tests.support.tiers import mostly_slow
 
 COMBINATIONS = [(model, flavour) for model in MODELS for flavour in FLAVOURS]
@@ -30,12 +30,12 @@ def test_every_model_is_valid_and_runs_with_its_defaults(
         if status >= fmi2Error:
             errors.append(message)
 
-    found = simulate_fmu(str(path), logger=logger, debug_logging=True)
+    result = simulate_fmu(str(path), logger=logger, debug_logging=True)
     description = read_model_description(str(path))
-    assert found["time"][-1] == pytest.approx(float(description.defaultExperiment.stopTime))
+    assert result["time"][-1] == pytest.approx(float(description.defaultExperiment.stopTime))
     outputs = {v.name for v in description.modelVariables if v.causality == "output"}
-    assert outputs == set(found.dtype.names) - {"time"}
-    assert all(np.isfinite(found[name]).all() for name in outputs)
+    assert outputs == set(result.dtype.names) - {"time"}
+    assert all(np.isfinite(result[name]).all() for name in outputs)
     assert errors == []
 
 
@@ -57,6 +57,6 @@ def test_logging_of_fmpy_works_after_our_master(fmu_folder: Path) -> None:
         "except Exception as error:\n"
         "    print(error)\n"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
-    assert "fmi2DoStep failed" in run.stdout
+    process = run(sys.executable, "-c", code)
+    assert process.returncode == 0, process.stderr
+    assert "fmi2DoStep failed" in process.stdout

@@ -1,6 +1,6 @@
 """Random calls with random arguments, right and wrong, on every model, watched by the sanitizers.
 
-What is called and checked stands in fuzz.c. Every call depends on a fixed seed; a failure says how to
+fuzz.c says what is called and checked. Every call depends on a fixed seed; a failure says how to
 repeat its burst of calls alone. To fuzz every model for 60 s, with other seeds than those of CI:
 
     EMLA_FUZZ_SECONDS=60 EMLA_FUZZ_SEED=2 pytest -s -m "slow or nightly" tests/interop/test_fuzz.py
@@ -37,9 +37,9 @@ def test_random_calls_do_no_harm(
     plan.write_text(
         fuzz_plan(unpacked_fmus[model], libraries[model], unpacked_fmus[foreign], libraries[foreign])
     )
-    said = run_program(build.programs["fuzz"], "-s", str(SEED), "-t", str(SECONDS), plan)
-    print(f"{model}\n{said}")
-    _, *lines = said.splitlines()
+    output = run_program(build.programs["fuzz"], "-s", str(SEED), "-t", str(SECONDS), plan)
+    print(f"{model}\n{output}")
+    _, *lines = output.splitlines()
     counts = {name: [int(n) for n in numbers] for name, *numbers in map(str.split, lines)}
     # random calls that were all refused, or never made, would prove nothing
     assert [function for function, count in counts.items() if sum(count) == 0] == []

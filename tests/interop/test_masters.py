@@ -140,8 +140,8 @@ if sys.platform == "linux":  # libcosim and Ecos have no packages for other plat
 def test_joint_has_the_bits_of_our_master(
     master: Master, algorithm: str, case: Case, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    found = master(case, tmp_path)
-    assert differences(case, found, our_run(case, algorithm)) == {}
+    values = master(case, tmp_path)
+    assert differences(case, values, our_run(case, algorithm)) == {}
     assert [line for line in "".join(capfd.readouterr()).splitlines() if "FMI status" not in line] == []
 
 

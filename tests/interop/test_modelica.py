@@ -62,14 +62,14 @@ def test_every_class_compiles_and_is_balanced(name: str) -> None:
 def test_functions_of_the_drive_train() -> None:
     """Those that no class uses, too."""
     k_tau, k_L = (2e4, 3e4, 4e4), motion_law.k_L(1e9, 2e9, 3e9, 4e9)
-    found = evaluated(
+    values = evaluated(
         "  Real alpha = 2199.0;",
         [
             "EMLA.Functions.k_L(1e9, 2e9, 3e9, 4e9)",
             f"EMLA.Functions.C_eq(alpha, 0.125, {{2e4, 3e4, 4e4}}, {k_L!r})",
         ],
     )
-    assert found == pytest.approx([k_L, motion_law.C_eq(2199.0, 0.125, k_tau, k_L)], rel=1e-14)
+    assert values == pytest.approx([k_L, motion_law.C_eq(2199.0, 0.125, k_tau, k_L)], rel=1e-14)
 
 
 # ---- declarations and values --------------------------------------------------------------------
@@ -79,21 +79,23 @@ def test_functions_of_the_drive_train() -> None:
 def test_declarations_are_those_of_the_fmu(model: str) -> None:
     """Unit, range, nominal value and description of every variable."""
     name = CLASSES[model]
-    found = rumoca.Session(roots=[str(PACKAGE)]).load(PACKAGE / f"{name}.mo", model=f"EMLA.{name}")
-    views = (found.inputs, found.parameters, found.states, found.outputs, found.algebraics)
+    compiled = rumoca.Session(roots=[str(PACKAGE)]).load(PACKAGE / f"{name}.mo", model=f"EMLA.{name}")
+    views = (compiled.inputs, compiled.parameters, compiled.states, compiled.outputs, compiled.algebraics)
     variables = {v.name: v for view in views for v in view}
     for scalar, variable_name in declared(model):
         ours = scalar.variable
         if isinstance(ours, DiscreteState):  # rumoca has no view of them
             continue
-        theirs = variables[variable_name]
-        assert theirs.unit == ours.unit, scalar.name
+        declaration = variables[variable_name]
+        assert declaration.unit == ours.unit, scalar.name
         if scalar.name != "solver.internal_step":  # which has only half its meaning there
-            assert theirs.description == ours.description, scalar.name
+            assert declaration.description == ours.description, scalar.name
         if ours.enumeration is None:
-            assert (theirs.min, theirs.max, theirs.nominal) == (ours.minimum, ours.maximum, ours.nominal), (
-                scalar.name
-            )
+            assert (declaration.min, declaration.max, declaration.nominal) == (
+                ours.minimum,
+                ours.maximum,
+                ours.nominal,
+            ), scalar.name
 
 
 @pytest.mark.parametrize("model", CLASSES)
@@ -109,7 +111,7 @@ def test_defaults_are_those_of_the_fmu(model: str) -> None:
 def test_study_has_the_values_of_the_scenario() -> None:
     """Every parameter and start value, those that the scenario leaves at their defaults included."""
     system = load("study").system
-    expected, wanted = {}, {}
+    expected, names_by_component = {}, {}
     for c in system.components:
         scalars = SCALARS[c.model]
         settable = [
@@ -117,19 +119,19 @@ def test_study_has_the_values_of_the_scenario() -> None:
             for n, s in scalars.items()
             if isinstance(s.variable, (Parameter, State)) and s.variable.start_parameter is None
         ]
-        wanted[f"study.{c.name}"] = (c.model, settable)
+        names_by_component[f"study.{c.name}"] = (c.model, settable)
         expected |= {
             f"study.{c.name}.{n}": float(c.parameters.get(n, scalars[n].start))
             for n in settable
             if name_in(c.model, n) is not None
         }
-    assert values_in("  EMLA.Study study;", wanted) == pytest.approx(expected, rel=1e-15, abs=0.0)
+    assert values_in("  EMLA.Study study;", names_by_component) == pytest.approx(expected, rel=1e-15, abs=0.0)
 
 
-def values_in(content: str, wanted: Mapping[str, tuple[str, Sequence[str]]]) -> dict[str, float]:
+def values_in(content: str, names_by_component: Mapping[str, tuple[str, Sequence[str]]]) -> dict[str, float]:
     """Values at the start by component and FMI name, of what the package has."""
     expressions = {}
-    for prefix, (model, names) in wanted.items():
+    for prefix, (model, names) in names_by_component.items():
         for fmi_name in names:
             if (name := name_in(model, fmi_name)) is not None:
                 expressions[f"{prefix}.{fmi_name}"] = as_real(SCALARS[model][fmi_name], f"{prefix}.{name}")

@@ -39,7 +39,7 @@ CURRENT_DRAWS = ("random", "noise_q", "noise_d")
 class Motion:
     """A block with start values, and inputs as expressions of `time` that Modelica and Python read alike.
 
-    `count` steps are done, and the values after every `every`-th compared. `rests` is what does not
+    `count` steps are done, and the values after every `steps_per_row`-th compared. `rests` is what does not
     move. `tolerance` is a largest difference per largest value.
     """
 
@@ -48,13 +48,13 @@ class Motion:
     inputs: Mapping[str, str] = field(default_factory=dict)
     step: float = 1e-5
     count: int = 4000
-    every: int = 100
+    steps_per_row: int = 100
     rests: frozenset[str] = frozenset()
     tolerance: float = 1e-7
 
     @property
     def times(self) -> Array:
-        return np.arange(0, self.count + 1, self.every) * self.step
+        return np.arange(0, self.count + 1, self.steps_per_row) * self.step
 
     def names(self) -> list[str]:
         """Everything that moves and that both have, by FMI name. An ideal sensor draws no noise there."""
@@ -67,8 +67,8 @@ class Motion:
 
     def in_modelica(self) -> dict[str, Array]:
         source = f"model Driven\n{driven(self.model, self.values, self.inputs)}\nend Driven;"
-        found = simulated_by_rumoca(compiled(source, "Driven"), self.times)
-        return {name: found[f"c.{name_in(self.model, name)}"] for name in self.names()}
+        signals = simulated_by_rumoca(compiled(source, "Driven"), self.times)
+        return {name: signals[f"c.{name_in(self.model, name)}"] for name in self.names()}
 
     def in_fmu(self, session: Session) -> dict[str, Array]:
         slave = session.instance(self.model, running=False)
@@ -89,7 +89,7 @@ class Motion:
                 orders = [1] * len(inputs) + [2] * len(inputs)
                 slave.setRealInputDerivatives(references * 2, orders, [*slope, *curvature])
             slave.doStep(k * self.step, self.step)
-            if (k + 1) % self.every == 0:
+            if (k + 1) % self.steps_per_row == 0:
                 rows.append(session.get(slave, *self.names()))
         return dict(zip(self.names(), np.array(rows).T, strict=True))
 
@@ -98,11 +98,11 @@ def _evaluated(expression: str, times: Array) -> Array:
     return eval(expression, {**FUNCTIONS, "time": times}) + np.zeros_like(times)
 
 
-def differences(found: Mapping[str, Array], expected: Mapping[str, Array]) -> dict[str, float]:
+def differences(signals: Mapping[str, Array], expected: Mapping[str, Array]) -> dict[str, float]:
     """Largest difference of every signal per its largest value."""
-    assert list(found) == list(expected)
+    assert list(signals) == list(expected)
     largest = {name: np.abs(values).max() or 1.0 for name, values in expected.items()}
-    return {name: float(np.abs(found[name] - expected[name]).max() / largest[name]) for name in found}
+    return {name: float(np.abs(signals[name] - expected[name]).max() / largest[name]) for name in signals}
 
 
 def elements(name: str, *values: float) -> dict[str, float]:
@@ -130,7 +130,7 @@ PLANT = {  # a number wherever the default makes a term vanish
     "gearbox.eta_GB": 0.8,
     "screw.B_BS": 50.0,
     "screw.C_eq": 2.0,
-    "inverter.u_max": 45.0,  # sometimes less than what is asked for
+    "inverter.u_max": 45.0,  # sometimes less than the demanded voltage
     "uncertainty.F_2": 0.01,
     "uncertainty.F_3": 0.02,
     "uncertainty.F_4": 0.03,
@@ -161,7 +161,7 @@ WINDING = frozenset({"motor.load", "motor.temperature_rise"})
 """What rests while no rated current is given."""
 MOTOR = {name: x for name, x in {**PLANT, **DRIVE}.items() if name in SCALARS["EmlaMotor"] and name != "v_L"}
 MOTOR_INPUTS = {
-    **{name: given for name, given in PLANT_INPUTS.items() if name in SCALARS["EmlaMotor"]},
+    **{name: law for name, law in PLANT_INPUTS.items() if name in SCALARS["EmlaMotor"]},
     "x_L": "0.3 + 1e-3 * sin(30.0 * time)",
     "v_L": "0.03 * cos(30.0 * time)",
 }
@@ -171,7 +171,7 @@ OBSERVER_INPUTS = {
     "i_q": "3.0 * cos(9.0 * time)",
 }
 W = 400.0
-OBSERVER = {  # the repaired gains with slower poles, so that the innovation can be told from rounding
+OBSERVER = {  # the repaired gains with slower poles, so that the innovation is above rounding
     "alpha_1": 2.0 * W,
     "alpha_2": W * W,
     "Q_11": 1.0,
@@ -316,9 +316,9 @@ CURVE = trajectory_parameters(
 )
 
 MOTIONS = {
-    "manipulator": Motion("HdrmManipulator", MACHINE, STROKES, step=1e-3, count=1000, every=10),
-    "merged plant": Motion("HdrmPlant", MERGED, TORQUES, step=1e-3, count=500, every=10),
-    "trajectory": Motion("Trajectory", CURVE, step=1e-3, count=1000, every=10),
+    "manipulator": Motion("HdrmManipulator", MACHINE, STROKES, step=1e-3, count=1000, steps_per_row=10),
+    "merged plant": Motion("HdrmPlant", MERGED, TORQUES, step=1e-3, count=500, steps_per_row=10),
+    "trajectory": Motion("Trajectory", CURVE, step=1e-3, count=1000, steps_per_row=10),
     "plant": Motion("EmlaPlant", PLANT, PLANT_INPUTS, rests=WINDING),
     "plant of a drive": Motion("EmlaPlant", {**PLANT, **DRIVE}, PLANT_INPUTS, tolerance=1e-6),
     "plant with sensors": Motion(
@@ -334,7 +334,7 @@ MOTIONS = {
         {"u_q": "5.0 * sin(40.0 * time)"},
         step=1e-4,  # sensor.period
         count=500,
-        every=1,
+        steps_per_row=1,
         rests=WINDING | {"inverter.u_d", "inverter.u_available", "inverter.saturated", "P_L"},
     ),
     "motor of a drive": Motion("EmlaMotor", MOTOR, MOTOR_INPUTS),
@@ -349,7 +349,7 @@ MOTIONS = {
         REPAIRED_INPUTS,
         step=5e-6,
         count=8000,
-        every=80,
+        steps_per_row=80,
         rests=frozenset({"z_q", "z_d"}),
     ),
     "compensated controller": Motion(
@@ -358,7 +358,7 @@ MOTIONS = {
         {**REPAIRED_INPUTS, **COMPENSATED_INPUTS},
         step=5e-6,
         count=8000,
-        every=80,
+        steps_per_row=80,
         tolerance=1.5e-3,  # the FMU knows the voltage of the step before, 5 us late
     ),
     "controller that stops adapting": Motion(
@@ -368,8 +368,8 @@ MOTIONS = {
         rests=frozenset({"z_q", "z_d"}),
         tolerance=2e-3,  # limit.band is 1e-3
     ),
-    "reference": Motion("Reference", REFERENCE, step=1e-3, count=1200, every=7),
-    "disturbance": Motion("Disturbance", DISTURBANCE, SPEED, step=1e-3, count=1000, every=1),
+    "reference": Motion("Reference", REFERENCE, step=1e-3, count=1200, steps_per_row=7),
+    "disturbance": Motion("Disturbance", DISTURBANCE, SPEED, step=1e-3, count=1000, steps_per_row=1),
 }
 
 
@@ -378,8 +378,8 @@ def test_a_block_moves_as_its_fmu(name: str, sessions: dict[str, Session]) -> No
     motion = MOTIONS[name]
     expected = motion.in_fmu(sessions[motion.model])
     assert {n for n, values in expected.items() if np.ptp(values) == 0.0} == motion.rests
-    found = differences(motion.in_modelica(), expected)
-    assert {n: d for n, d in found.items() if d > motion.tolerance} == {}
+    deviations = differences(motion.in_modelica(), expected)
+    assert {n: d for n, d in deviations.items() if d > motion.tolerance} == {}
 
 
 # ---- the joint and the study in closed loop -----------------------------------------------------
@@ -408,12 +408,12 @@ def test_the_joint_moves_as_its_fmus(fmu_folder: Path) -> None:
     """In smooth motion within the limits. Its FMUs come there with the square of their step."""
     times, step, system = np.arange(51) * 1e-3, 1e-5, smooth_lift.lift()
     source = f"model Closed\n{joint_source('lift', system)}\nend Closed;"
-    found = simulated_by_rumoca(compiled(source, "Closed"), times)
-    long, short = (native_run(system, fmu_folder, Strong("fmu"), h, times) for h in (2.0 * step, step))
-    limit = {name: (4.0 * short[name] - long[name]) / 3.0 for name in short}
-    chosen = {name: found[name] for name in limit}
-    assert max(differences(chosen, short).values()) > 1e-5
-    assert {n: d for n, d in differences(chosen, limit).items() if d > 1e-6} == {}
+    signals = simulated_by_rumoca(compiled(source, "Closed"), times)
+    coarse, fine = (native_run(system, fmu_folder, Strong("fmu"), h, times) for h in (2.0 * step, step))
+    limit = {name: (4.0 * fine[name] - coarse[name]) / 3.0 for name in fine}
+    compared = {name: signals[name] for name in limit}
+    assert max(differences(compared, fine).values()) > 1e-5
+    assert {n: d for n, d in differences(compared, limit).items() if d > 1e-6} == {}
 
 
 STUDY_TOLERANCES = {
@@ -435,9 +435,9 @@ def test_the_study_moves_as_its_fmus(fmu_folder: Path) -> None:
     """From its start millimetres away from the reference, with all limits and disturbances."""
     times, system = np.arange(101) * 1e-3, load("study").system
     source = "model Three\n  EMLA.Study study;\nend Three;"
-    found = simulated_by_rumoca(compiled(source, "Three"), times, 1e-6)
+    results = simulated_by_rumoca(compiled(source, "Three"), times, 1e-6)
     expected = native_run(system, fmu_folder, GaussSeidel("fmu"), 1e-5, times)
     for name, tolerance in STUDY_TOLERANCES.items():
         signals = {s: expected[s] for s in (f"{joint}.{name}" for joint in system.branches)}
-        different = differences({s: found[f"study.{s}"] for s in signals}, signals)
+        different = differences({s: results[f"study.{s}"] for s in signals}, signals)
         assert {s: d for s, d in different.items() if d > tolerance} == {}

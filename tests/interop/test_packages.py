@@ -78,12 +78,12 @@ def test_package_has_the_values_of_our_run(
     host: Callable[..., Array], case: Case, capfd: pytest.CaptureFixture[str]
 ) -> None:
     *arguments, expected = case
-    found = host(*arguments)
-    assert found.shape == expected.shape and np.isfinite(expected).all()
+    values = host(*arguments)
+    assert values.shape == expected.shape and np.isfinite(expected).all()
     allowed = 1e-12 * np.abs(expected).max(axis=0)
     if arguments[1][0][0] == "input":  # which these tools hold over a step
         allowed[-1] = 5e-3 * np.abs(expected[:, -1]).max()
-    assert (np.abs(found - expected).max(axis=0) <= allowed).all()
+    assert (np.abs(values - expected).max(axis=0) <= allowed).all()
     lines = "".join(capfd.readouterr()).splitlines()
     assert [line for line in lines if "FMI status" not in line] == [], "no warnings of the host"
 
@@ -95,8 +95,8 @@ def test_ecos_runs_packages_with_fmus_of_fmi_3(fmu_folder: Path, tmp_path: Path)
     times = {"step_size": STEP, "stop_time": 300 * STEP}
     scenario = load("lift", fmus=fmu_folder, replace=newer, **times)
     signals = [("lift.plant", "x_L"), ("lift.observer", "x_hat"), ("lift.controller", "u_q")]
-    found = ecos_run(scenario.export(tmp_path / "lift.ssp"), signals, STEP, 300)
-    np.testing.assert_array_equal(found, our_run(load("lift", fmus=fmu_folder, **times), signals, STEP))
+    values = ecos_run(scenario.export(tmp_path / "lift.ssp"), signals, STEP, 300)
+    np.testing.assert_array_equal(values, our_run(load("lift", fmus=fmu_folder, **times), signals, STEP))
 
 
 def test_package_tells_each_tool_its_step_size(fmu_folder: Path, tmp_path: Path) -> None:
@@ -105,8 +105,8 @@ def test_package_tells_each_tool_its_step_size(fmu_folder: Path, tmp_path: Path)
         root = etree.fromstring(archive.read("SystemStructure.ssd"))
 
     def attributes(path: str) -> dict[str, str]:
-        (found,) = root.xpath(path, namespaces=NAMESPACES)
-        return dict(found.attrib)
+        (element,) = root.xpath(path, namespaces=NAMESPACES)
+        return dict(element.attrib)
 
     openmodelica = "ssd:System/ssd:Annotations/ssc:Annotation[@type='org.openmodelica']"
     master = f"{openmodelica}/oms:Annotations/oms:SimulationInformation/oms:FixedStepMaster"

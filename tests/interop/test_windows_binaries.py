@@ -1,12 +1,12 @@
 """Our FMUs for Windows, executed by Wine: the closed loop of the lift joint gives the results of Linux."""
 
-import os
 import shutil
 import subprocess
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from emla_cosim.fmu.models import build
 from tests.interop.conftest import Compile
 from tests.interop.test_c_host import LIFT, Fmus, write_plan
 from tests.support.c_programs import needs_cc, read_results, run_program, windows_host
+from tests.support.processes import run
 
 pytestmark = [
     needs_cc,
@@ -33,16 +34,10 @@ def wine() -> Iterator[dict[str, str]]:
             "WINEDLLOVERRIDES": "mscoree,mshtml=",
             "DISPLAY": "",
         }
-        subprocess.run(
-            ["wine", "wineboot", "--init"],
-            env={**os.environ, **environment},
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            check=True,
-            timeout=300,
-        )
+        once: dict[str, Any] = {"stdin": subprocess.DEVNULL, "check": True, "timeout": 300}
+        run("wine", "wineboot", "--init", environment=environment, **once)
         yield environment
-        subprocess.run(["wineserver", "--kill"], env={**os.environ, **environment}, check=False)
+        run("wineserver", "--kill", environment=environment)
 
 
 def test_windows_binaries_give_the_results_of_linux(

@@ -27,13 +27,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="of the drawing")
     parser.add_argument("--again", action="store_true", help="try survivors again, with tests added since")
     parser.add_argument("tests", nargs="*", help="of `cover`: files or folders; default: all")
-    chosen = parser.parse_args()
-    if chosen.action == "cover":
-        tiers = [chosen.tier] if chosen.tier else ["default", "slow"]
-        sys.exit(max(measure(tier, chosen.tests) for tier in tiers))
-    trials = Trials(chosen.seed)
-    if chosen.action == "try":
-        trials.run(draw(chosen.seed, FOLDER / f"seed-{chosen.seed}.json"), chosen.again)
+    arguments = parser.parse_args()
+    if arguments.action == "cover":
+        tiers = [arguments.tier] if arguments.tier else ["default", "slow"]
+        sys.exit(max(measure(tier, arguments.tests) for tier in tiers))
+    trials = Trials(arguments.seed)
+    if arguments.action == "try":
+        trials.run(draw(arguments.seed, FOLDER / f"seed-{arguments.seed}.json"), arguments.again)
     print(report(trials.results()))
 
 

@@ -18,8 +18,8 @@ from cosmic_ray.mutating import mutate_code
 from cosmic_ray.plugins import get_operator
 from cosmic_ray.work_db import WorkDB, use_db
 
-HERE = Path(__file__).parent
-GROUPS: dict[str, dict[str, Any]] = tomllib.loads((HERE / "groups.toml").read_text(encoding="utf-8"))
+FOLDER = Path(__file__).parent
+GROUPS: dict[str, dict[str, Any]] = tomllib.loads((FOLDER / "groups.toml").read_text(encoding="utf-8"))
 
 TRIVIAL = re.compile(
     "core/(ReplaceBinaryOperator_.*_(RShift|LShift|BitOr|BitAnd|BitXor)|ReplaceBinaryOperator_BitOr_.*"
@@ -53,18 +53,18 @@ class Mutant:
         return "\n".join(line for line in lines if line[:1] in "+-" and line[:3] not in ("---", "+++"))
 
 
-def draw(seed: int, kept: Path) -> list[Mutant]:
+def draw(seed: int, drawing: Path) -> list[Mutant]:
     """Draw the mutants of all groups, always the same for the same sources and seed.
 
     Args:
         seed: Of the drawing.
-        kept: A file for the drawing, which takes minutes; if it exists, its mutants are returned.
+        drawing: A file for the drawing, which takes minutes; if it exists, its mutants are returned.
     """
-    if kept.exists():
-        return [Mutant(**fields) for fields in json.loads(kept.read_text(encoding="utf-8"))]
+    if drawing.exists():
+        return [Mutant(**fields) for fields in json.loads(drawing.read_text(encoding="utf-8"))]
     mutants = [mutant for group in GROUPS.values() for mutant in _draw_group(group, seed)]
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    kept.write_text(json.dumps([asdict(mutant) for mutant in mutants], indent=1), encoding="utf-8")
+    drawing.parent.mkdir(parents=True, exist_ok=True)
+    drawing.write_text(json.dumps([asdict(mutant) for mutant in mutants], indent=1), encoding="utf-8")
     return mutants
 
 

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-KNOWN = Path(__file__).parent / "equivalent.toml"
+EQUIVALENT = Path(__file__).parent / "equivalent.toml"
 """Mutants that no test can notice, each with the reason."""
 
 
@@ -36,5 +36,5 @@ def is_equivalent(result: dict[str, Any]) -> bool:
 
 @cache
 def _equivalent() -> set[tuple[str, str, str]]:
-    known = tomllib.loads(KNOWN.read_text(encoding="utf-8"))["mutants"]
-    return {(mutant["module"], mutant["line"], mutant["becomes"]) for mutant in known}
+    mutants = tomllib.loads(EQUIVALENT.read_text(encoding="utf-8"))["mutants"]
+    return {(mutant["module"], mutant["line"], mutant["becomes"]) for mutant in mutants}

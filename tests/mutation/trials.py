@@ -37,12 +37,12 @@ class Trials:
         lines = self._file.read_text(encoding="utf-8").splitlines()
         return list({result["key"]: result for result in map(json.loads, lines)}.values())
 
-    def run(self, mutants: Sequence[Mutant], again: bool) -> None:
-        """Try the mutants that have no result yet; with `again` also those that survived."""
-        done = {r["key"] for r in self.results() if r["outcome"] == NOTICED or not again}
+    def run(self, mutants: Sequence[Mutant], retry: bool) -> None:
+        """Try the mutants that have no result yet; with `retry` also those that survived."""
+        finished = {r["key"] for r in self.results() if r["outcome"] == NOTICED or not retry}
         tiers = {tier: Covering(tier) for tier in ("default", "slow") if has_map(tier)}
         for number, mutant in enumerate(mutants, 1):
-            if mutant.key in done:
+            if mutant.key in finished:
                 continue
             result = _try(mutant, tiers)
             with self._file.open("a", encoding="utf-8") as stream:
@@ -53,7 +53,7 @@ class Trials:
 def _try(mutant: Mutant, tiers: dict[str, Covering]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "project"
-        top = lambda place, _: NOT_COPIED if Path(place) == ROOT else ()  # noqa: E731
+        top = lambda folder, _: NOT_COPIED if Path(folder) == ROOT else ()  # noqa: E731
         shutil.copytree(ROOT, copy, ignore=top, symlinks=True)
         result = {"key": mutant.key, **asdict(mutant), "difference": mutant.apply(copy)}
         for tier, covering in tiers.items():

@@ -40,9 +40,9 @@ def job(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Job:
 def test_c_loop_gives_the_bits_of_our_master(job: Job) -> None:
     expected = emla.measure(job)
     for options in ([], ["replay"]):
-        found = run_loop(job, *options)
-        assert found.signals == expected.signals
-        assert found.steps == expected.steps == STEPS
+        result = run_loop(job, *options)
+        assert result.signals == expected.signals
+        assert result.steps == expected.steps == STEPS
 
 
 def test_job_survives_its_file(job: Job, tmp_path: Path) -> None:
@@ -53,12 +53,12 @@ def test_job_survives_its_file(job: Job, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_what_cannot_run_is_reported_and_the_others_go_on(job: Job) -> None:
-    told: list[str] = []
-    ours, missing = measured(job, [OURS, MISSING], 2, 20, told.append)
+    lines: list[str] = []
+    ours, missing = measured(job, [OURS, MISSING], 2, 20, lines.append)
     assert len(ours.step_times) == 2
     assert (missing.step_times, ours.problem) == ([], "")
     assert "not_there" in missing.problem
-    assert len(told) == 3
+    assert len(lines) == 3
 
 
 def test_other_numbers_end_the_benchmark_with_a_sentence(job: Job) -> None:

@@ -4,7 +4,6 @@ import ast
 import json
 import os
 import re
-import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable
@@ -19,6 +18,7 @@ from docs.weight import PARTS
 from emla_cosim.base.extras import EXTRAS
 from emla_cosim.cli.app import COMMANDS
 from tests.support.paths import ROOT
+from tests.support.processes import run
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 OURS = {"fmublock", "emla_fmu", "rsba_fmu", "machine_fmu", "emla_cosim", "fmu_verify"}
@@ -32,7 +32,7 @@ def sources() -> list[Path]:
 
 def imported(files: Iterable[Path]) -> dict[str, Path]:
     """Top-level packages that are imported anywhere, also inside functions, and a file that does it."""
-    found: dict[str, Path] = {}
+    files_by_package: dict[str, Path] = {}
     for file in files:
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
@@ -41,8 +41,8 @@ def imported(files: Iterable[Path]) -> dict[str, Path]:
                 names = [node.module or ""]
             else:
                 continue
-            found |= {name.partition(".")[0]: file for name in names}
-    return {n: f for n, f in found.items() if n not in sys.stdlib_module_names and n not in OURS}
+            files_by_package |= {name.partition(".")[0]: file for name in names}
+    return {n: f for n, f in files_by_package.items() if n not in sys.stdlib_module_names and n not in OURS}
 
 
 def normalized(requirement: str) -> str:
@@ -60,7 +60,10 @@ DECLARED = {normalized(requirement) for requirement in (*PROJECT["dependencies"]
 @cache
 def providers() -> dict[str, set[str]]:
     """Distributions by the packages that they install."""
-    return {package: {normalized(d) for d in found} for package, found in packages_distributions().items()}
+    return {
+        package: {normalized(d) for d in distributions}
+        for package, distributions in packages_distributions().items()
+    }
 
 
 def undeclared(files: Iterable[Path]) -> dict[str, Path]:
@@ -100,8 +103,8 @@ def test_the_base_is_small_and_extras_are_as_messages_name_them() -> None:
 
 
 def test_every_requirement_has_a_part_that_needs_it() -> None:
-    told = [name for part in PARTS.values() for name in part]
-    assert sorted(told) == sorted({normalized(r) for r in PROJECT["dependencies"]})
+    listed = [name for part in PARTS.values() for name in part]
+    assert sorted(listed) == sorted({normalized(r) for r in PROJECT["dependencies"]})
 
 
 def test_the_citation_is_of_this_version() -> None:
@@ -119,7 +122,7 @@ HEAVY = {
 }
 """Packages that take long to import, or much memory."""
 
-TAKEN = {
+IMPORTED_AT_ONCE = {
     "compare": {"networkx"},
     "identify": {"scipy"},
     "trajectory": {"casadi", "scipy"},
@@ -130,11 +133,9 @@ TAKEN = {
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows has no `fork`.")
 def test_commands_import_only_what_they_need() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", _IMPORTED, *COMMANDS], capture_output=True, text=True, check=True
-    )
-    imported = {command: set(modules) & HEAVY for command, modules in json.loads(done.stdout).items()}
-    assert imported == {command: TAKEN.get(command, set()) for command in COMMANDS}
+    process = run(sys.executable, "-c", _IMPORTED, *COMMANDS, check=True)
+    imported = {command: set(modules) & HEAVY for command, modules in json.loads(process.stdout).items()}
+    assert imported == {command: IMPORTED_AT_ONCE.get(command, set()) for command in COMMANDS}
 
 
 _IMPORTED = """

@@ -25,20 +25,20 @@ def rows(model: str) -> list[tuple[str, str, str]]:
 
 @pytest.mark.parametrize("model", OWN)
 def test_tables_are_up_to_date(model: str) -> None:
-    found = readme(model).read_text(encoding="utf-8")
-    assert found == page(model), "python -m fmus.make_tables writes them"
+    text = readme(model).read_text(encoding="utf-8")
+    assert text == page(model), "python -m fmus.make_tables writes them"
 
 
 @pytest.mark.parametrize("model", OWN)
 def test_a_table_has_the_variables_of_the_fmu(model: str, fmu_folder: Path) -> None:
-    said = fmpy.read_model_description(str(fmu_path(model, "native", fmu_folder)))
-    expected = {v.name: v.unit or "" for v in said.modelVariables if not v.name.startswith("der(")}
-    found = {}
+    description = fmpy.read_model_description(str(fmu_path(model, "native", fmu_folder)))
+    expected = {v.name: v.unit or "" for v in description.modelVariables if not v.name.startswith("der(")}
+    units = {}
     for _, name, unit in rows(model):
         array, dots, last = name.removesuffix("]").partition("[1..")
         names = [f"{array}[{i + 1}]" for i in range(int(last))] if dots else [name]
-        found |= dict.fromkeys(names, unit)
-    assert found == expected
+        units |= dict.fromkeys(names, unit)
+    assert units == expected
 
 
 @pytest.mark.parametrize("model", ["EmlaPlant", "EmlaObserver", "Reference", "Disturbance", "FocController"])
@@ -62,12 +62,12 @@ def test_any_attribute_has_a_symbol_that_can_be_typeset(attribute: str) -> None:
 
 
 def test_a_page_without_a_place_gets_the_table_at_its_end() -> None:
-    class Some(Block):
+    class Example(Block):
         """Something."""
 
         odd = Parameter(1.0, symbol=r"\omega^2")
         y = Output()
 
-    found = with_variables("# Some\n\nText.\n", Some)
-    assert found.startswith("# Some\n\nText.\n\n## Variables\n\n### Outputs\n")
-    assert r"| $\omega^2$ | `odd` |  | 1 |  |  |" in found
+    text = with_variables("# Some\n\nText.\n", Example)
+    assert text.startswith("# Some\n\nText.\n\n## Variables\n\n### Outputs\n")
+    assert r"| $\omega^2$ | `odd` |  | 1 |  |  |" in text

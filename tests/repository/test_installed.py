@@ -2,7 +2,6 @@
 
 import os
 import runpy
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 from emla_cosim.fmu.models import build
 from fmublock.archive import read_built
 from tests.support.paths import ROOT
+from tests.support.processes import run
 
 pytestmark = pytest.mark.slow
 pytest.importorskip("hatchling", reason="The extra 'test' is not installed.")
@@ -22,7 +22,7 @@ class Installed:
     def __init__(self, wheel: Path, folder: Path) -> None:
         self.wheel, self.folder = wheel, folder
         self._bin = folder / "venv" / ("Scripts" if os.name == "nt" else "bin")
-        subprocess.run([sys.executable, "-m", "venv", str(folder / "venv")], check=True)
+        run(sys.executable, "-m", "venv", folder / "venv", check=True)
         self.compiled = folder / "compiled"
         self._write_compilers(folder / "compilers")
         self.install("")
@@ -37,8 +37,8 @@ class Installed:
 
     def install(self, extra: str) -> None:
         """Install the wheel with an extra."""
-        wanted = f"{self.wheel}[{extra}]" if extra else str(self.wheel)
-        self._run([str(self._bin / "python"), "-m", "pip", "install", "-q", wanted], 0)
+        requirement = f"{self.wheel}[{extra}]" if extra else str(self.wheel)
+        self._run([str(self._bin / "python"), "-m", "pip", "install", "-q", requirement], 0)
 
     def emla(self, *arguments: str, code: int = 0) -> str:
         """Run a command of emla, which must end with this code; return what it shows."""
@@ -50,29 +50,17 @@ class Installed:
 
     def _run(self, command: list[str], code: int) -> str:
         outside = {n: v for n, v in os.environ.items() if not n.startswith(("PYTHON", "EMLA_", "VIRTUAL"))}
-        done = subprocess.run(
-            command,
-            cwd=self.folder,
-            env=outside | {"EMLA_COSIM_CACHE": str(self.folder / "cache"), "PATH": self._path},
-            capture_output=True,
-            text=True,
-            encoding="utf-8",
-            check=False,
-        )
-        assert done.returncode == code, done.stdout + done.stderr
-        return done.stdout + done.stderr
+        variables = outside | {"EMLA_COSIM_CACHE": str(self.folder / "cache"), "PATH": self._path}
+        process = run(*command, cwd=self.folder, env=variables, encoding="utf-8")
+        assert process.returncode == code, process.stdout + process.stderr
+        return process.stdout + process.stderr
 
 
 @pytest.fixture(scope="module")
 def packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("packages")
-    subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-d", str(folder)],
-        cwd=ROOT,
-        env={n: v for n, v in os.environ.items() if n != "EMLA_COSIM_PLATFORMS"},
-        check=True,
-        capture_output=True,
-    )
+    variables = {n: v for n, v in os.environ.items() if n != "EMLA_COSIM_PLATFORMS"}
+    run(sys.executable, "-m", "hatchling", "build", "-d", folder, cwd=ROOT, env=variables, check=True)
     return folder
 
 
@@ -104,8 +92,8 @@ def test_the_base_runs_exports_and_verifies_without_compilers(installed: Install
     installed.emla("run", "lift", "--stop-time", "0.1", "--input", "load.csv:lift.plant.F_L=F")
     assert not installed.compiled.exists()
     installed.emla("verify", "lift.ssp")  # which may compile the sources of FMUs
-    loaded = "import sys, emla_cosim as ec; ec.load('study').prepare(); assert 'casadi' not in sys.modules"
-    installed.python(loaded)
+    program = "import sys, emla_cosim as ec; ec.load('study').prepare(); assert 'casadi' not in sys.modules"
+    installed.python(program)
 
 
 @pytest.mark.parametrize("extra", LACKING)
@@ -146,7 +134,7 @@ if __name__ == "__main__":
 def test_the_sources_build_offline(packages: Path, tmp_path: Path) -> None:
     (sources,) = packages.glob("*.tar.gz")
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-index", "--no-build-isolation", "--no-deps"]
-    subprocess.run([*command, str(sources), "-w", str(tmp_path)], check=True, capture_output=True)
+    run(*command, sources, "-w", tmp_path, check=True)
     (wheel,) = tmp_path.glob("*.whl")
     assert wheel.name == next(packages.glob("*.whl")).name
 
@@ -170,12 +158,9 @@ def test_failed_builds_of_fmus_give_one_message(
     platform: str, cache: str, message: str, tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("")
-    done = subprocess.run(
-        [sys.executable, str(PREBUILD), str(tmp_path / "built"), platform],
-        env=os.environ | {"EMLA_COSIM_CACHE": str(tmp_path / cache)},
-        capture_output=True,
-        text=True,
-        check=False,
+    variables = {"EMLA_COSIM_CACHE": str(tmp_path / cache)}
+    process = run(sys.executable, PREBUILD, tmp_path / "built", platform, environment=variables)
+    assert process.returncode == 1
+    assert (
+        process.stderr.startswith("Error: ") and message in process.stderr and process.stderr.count("\n") == 1
     )
-    assert done.returncode == 1
-    assert done.stderr.startswith("Error: ") and message in done.stderr and done.stderr.count("\n") == 1

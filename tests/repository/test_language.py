@@ -28,9 +28,9 @@ def test_a_page_is_plain_english(page: Path) -> None:
 def test_a_notebook_is_plain_english(notebook: Path) -> None:
     name = str(notebook.relative_to(ROOT))
     cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
-    first, *others = [(i, "".join(c["source"])) for i, c in enumerate(cells) if c["cell_type"] == "markdown"]
+    first, *further = [(i, "".join(c["source"])) for i, c in enumerate(cells) if c["cell_type"] == "markdown"]
     faults = check_page(first[1], f"{name}, cell {first[0]}")
-    for i, text in others:
+    for i, text in further:
         faults += check_page(f"# Title\n\nFirst.\n\n{text}", f"{name}, cell {i}")
     assert not faults, "\n" + "\n".join(faults)
 
@@ -49,9 +49,9 @@ def test_a_notebook_is_plain_english(notebook: Path) -> None:
 )
 def test_a_search_word_is_in_a_heading_or_the_first_paragraph(word: str, page: str) -> None:
     """The search of the site ranks headings first."""
-    found = list(passages((ROOT / "docs" / page).read_text(encoding="utf-8")))
-    first = next(p.text for p in found if p.kind == "paragraph")
-    headings = [p.text for p in found if p.kind in {"title", "heading"}]
+    parts = list(passages((ROOT / "docs" / page).read_text(encoding="utf-8")))
+    first = next(p.text for p in parts if p.kind == "paragraph")
+    headings = [p.text for p in parts if p.kind in {"title", "heading"}]
     assert word.lower() in " ".join([first, *headings]).lower()
 
 
@@ -72,6 +72,6 @@ LONG = "This text " + "word " * LONGEST + "ends here."
     ],
 )
 def test_faults_of_a_page_are_found(page: str, faults: list[str]) -> None:
-    found = check_page(page, "p.md")
-    assert len(found) == len(faults)
-    assert all(text.startswith(start) for text, start in zip(found, faults, strict=True))
+    messages = check_page(page, "p.md")
+    assert len(messages) == len(faults)
+    assert all(text.startswith(start) for text, start in zip(messages, faults, strict=True))

@@ -13,7 +13,7 @@ from tests.support.tiers import mostly_slow
 
 
 @pytest.fixture
-def place(tmp_path: Path, on_one_cluster: None, monkeypatch: pytest.MonkeyPatch) -> Path:
+def working_folder(tmp_path: Path, on_one_cluster: None, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder to work in; FMUs are built when they are first needed, as for any user."""
     monkeypatch.chdir(tmp_path)
     widen_terminal(monkeypatch)
@@ -24,7 +24,7 @@ def place(tmp_path: Path, on_one_cluster: None, monkeypatch: pytest.MonkeyPatch)
 def is_executed(page: Path) -> bool:
     """Return whether a page shows anything that is executed."""
     return any(
-        fence.what.partition("=")[0] != "not-run" and fence.language in ("sh", "python")
+        fence.info.partition("=")[0] != "not-run" and fence.language in ("sh", "python")
         for fence in fences(page.read_text(encoding="utf-8"))
     )
 
@@ -39,7 +39,7 @@ BY_DEFAULT = ("actuator.md", "joints.md", "master.md", "python.md")
     mostly_slow(EXECUTED, [page for page in EXECUTED if page.name in BY_DEFAULT]),
     ids=lambda page: str(page.relative_to(ROOT)),
 )
-def test_a_page_works_as_shown(page: Path, place: Path) -> None:
+def test_a_page_works_as_shown(page: Path, working_folder: Path) -> None:
     if page.name == "export.md" and sys.platform != "linux":
         pytest.skip("libcosim and Ecos have packages for Linux only.")
     Reader(page).read()
@@ -50,7 +50,7 @@ def test_a_page_works_as_shown(page: Path, place: Path) -> None:
     [
         ("```python\nprint('one')\n```\n```text output\ntwo\n```\n", r"line 4: \['two'\]"),
         ("```sh exit=2\nemla list\n```\n", "line 1: ended with 0"),
-        ("```sh skip\nemla list\n```\n", "line 1: nobody knows what to do with 'skip'"),
+        ("```sh skip\nemla list\n```\n", "line 1: unknown word 'skip'"),
         ("Two.\n\n```python run\nraise SystemExit(3)\n```\n", "line 3: ended with 3"),
     ],
 )

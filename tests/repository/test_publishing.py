@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-import subprocess
 import sys
 import tomllib
 import zipfile
@@ -16,9 +15,11 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
+from click.testing import CliRunner
 
 from tests.support.language import check_page
 from tests.support.paths import ROOT
+from tests.support.processes import run
 from tests.support.tiers import mostly_slow
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -59,10 +60,9 @@ SCHEMA_OF_CITATIONS = ("citation-file-format", ["CITATION.cff"])
     ),
 )
 def test_configurations_fit_their_schemas(schema: str, files: list[str]) -> None:
-    pytest.importorskip("check_jsonschema", reason="The extra 'test' is not installed.")
-    command = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", f"vendor.{schema}", *files]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
+    checker = pytest.importorskip("check_jsonschema", reason="The extra 'test' is not installed.")
+    result = CliRunner().invoke(checker.main, ["--builtin-schema", f"vendor.{schema}", *files])
+    assert result.exit_code == 0, result.output
 
 
 @pytest.mark.slow
@@ -77,9 +77,8 @@ def test_component_fits_the_schema_of_gitlab(tmp_path: Path) -> None:
 
 
 def test_dockerfile_follows_the_rules_of_hadolint() -> None:
-    command = [program("hadolint"), "--no-color", str(DOCKER / "Dockerfile")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout
+    process = run(program("hadolint"), "--no-color", DOCKER / "Dockerfile")
+    assert process.returncode == 0, process.stdout
 
 
 def test_extras_exist_that_files_install() -> None:
@@ -108,8 +107,8 @@ def test_wheel_can_be_built_from_what_the_container_gets(tmp_path: Path) -> None
         else:
             target.parent.mkdir(exist_ok=True)
             shutil.copy(path, target)
-    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path / "wheels")]
-    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path / "wheels"]
+    run(*command, cwd=tmp_path, check=True)
     (wheel,) = (tmp_path / "wheels").iterdir()
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
@@ -121,33 +120,6 @@ def test_wheel_can_be_built_from_what_the_container_gets(tmp_path: Path) -> None
         assert needed in names
     assert any(fnmatch(name, "*.dist-info/licenses/*schemas/LICENSE") for name in names)
 
-
-DEVCONTAINER = {
-    "type": "object",
-    "required": ["name", "image"],
-    "additionalProperties": False,
-    "properties": {
-        "name": {"type": "string"},
-        "image": {"type": "string", "pattern": r"^[\w./-]+:[\w.-]+$"},
-        "onCreateCommand": {"type": "string"},
-        "postCreateCommand": {"type": "string"},
-        "customizations": {
-            "type": "object",
-            "additionalProperties": False,
-            "properties": {
-                "vscode": {
-                    "type": "object",
-                    "additionalProperties": False,
-                    "properties": {
-                        "extensions": {"type": "array", "items": {"pattern": r"^[\w-]+\.[\w-]+$"}},
-                        "settings": {"type": "object"},
-                    },
-                }
-            },
-        },
-    },
-}
-"""The part of the format of devcontainer.json that the project uses."""
 
 ENTRY = {
     "type": "object",
@@ -202,7 +174,6 @@ DEPOSIT = {
 @pytest.mark.parametrize(
     ("file", "schema"),
     [
-        (".devcontainer/devcontainer.json", DEVCONTAINER),
         ("packaging/fmi-tools/emla-cosim.json", ENTRY),
         (".zenodo.json", DEPOSIT),
     ],
@@ -280,10 +251,10 @@ def test_example_files_for_the_fmi_site(collect: ModuleType, tmp_path: Path) -> 
         assert (folder / name).read_bytes() == (source / name).read_bytes()
     assert "start values in EmlaPlant_ref.toml" in (folder / "Readme.txt").read_text(encoding="utf-8")
     for table, width in (("EmlaPlant_in.csv", None), ("EmlaPlant_ref.csv", 11)):
-        made = (folder / table).read_text().splitlines()
+        written = (folder / table).read_text().splitlines()
         original = (source / table).read_text().splitlines()
-        assert made[0] == ",".join(f'"{name}"' for name in original[0].split(",")[:width])
-        assert made[1:] == [",".join(row.split(",")[:width]) for row in original[1:]]
+        assert written[0] == ",".join(f'"{name}"' for name in original[0].split(",")[:width])
+        assert written[1:] == [",".join(row.split(",")[:width]) for row in original[1:]]
         assert (folder / table).stat().st_size < 1e6
 
 
@@ -339,19 +310,9 @@ def test_bibliography_has_what_the_paper_cites() -> None:
 @pytest.mark.slow
 def test_pandoc_resolves_all_citations(tmp_path: Path) -> None:
     page = tmp_path / "paper.html"
-    command = [
-        program("pandoc"),
-        "--citeproc",
-        "--fail-if-warnings",
-        "-s",
-        "-M",
-        "lang=en",
-        PAPER.name,
-        "-o",
-        str(page),
-    ]
-    done = subprocess.run(command, cwd=PAPER.parent, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    options = ("--citeproc", "--fail-if-warnings", "-s", "-M", "lang=en", "-o", page)
+    process = run(program("pandoc"), *options, PAPER.name, cwd=PAPER.parent)
+    assert process.returncode == 0, process.stderr
     assert "???" not in page.read_text(encoding="utf-8")
 
 

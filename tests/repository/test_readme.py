@@ -25,15 +25,15 @@ def test_the_readme_is_short() -> None:
 def test_the_start_page_names_every_page() -> None:
     """So that a reader without the site's navigation gets everywhere."""
     start = ROOT / "docs/index.md"
-    named = set(re.findall(r"\]\(([\w.-]+\.md)", start.read_text(encoding="utf-8")))
-    assert named == {page.name for page in ROOT.glob("docs/*.md")} - {start.name}
+    linked = set(re.findall(r"\]\(([\w.-]+\.md)", start.read_text(encoding="utf-8")))
+    assert linked == {page.name for page in ROOT.glob("docs/*.md")} - {start.name}
 
 
 def test_every_command_of_the_readme_is_executed() -> None:
     """By the test of pages, but for those that set up an environment, which `.ci/run` executes."""
-    shown = [f for f in fences(README) if re.search(r"\bemla (?!cosim)", f.content)]
-    left_out = [f for f in shown if (f.language, f.what) != ("sh", "")]
-    assert len(shown) > len(left_out)
+    blocks = [f for f in fences(README) if re.search(r"\bemla (?!cosim)", f.content)]
+    left_out = [f for f in blocks if (f.language, f.info) != ("sh", "")]
+    assert len(blocks) > len(left_out)
     assert [f.content for f in left_out if "bin/emla run study" not in f.content] == []
 
 
@@ -51,9 +51,9 @@ def test_every_named_file_exists(page: str) -> None:
     package = ROOT / "orchestration/emla_cosim"
     above = (package / "analyses", package, package.parent, ROOT)
     homes = {path.name: path for folder in above for path in folder.iterdir()}
-    named = [n for n in re.findall(r"`(\w+)/([^`* ]*)`", text) if n[0] in homes or n[1].endswith(".py")]
-    assert len(named) > 15
-    for first, rest in named:
+    names = [n for n in re.findall(r"`(\w+)/([^`* ]*)`", text) if n[0] in homes or n[1].endswith(".py")]
+    assert len(names) > 15
+    for first, rest in names:
         path = homes.get(first, ROOT / first) / rest.replace("NAME", "EmlaPlant")
         assert path.exists(), f"{first}/{rest}"
 

@@ -17,6 +17,7 @@ import pytest
 from emla_cosim.fmu.models import FLAVOURS, MODELS, PLATFORMS, fmu_path
 from fmublock.platforms import host_platform
 from tests.support.paths import ROOT
+from tests.support.processes import run
 
 pytestmark = pytest.mark.slow
 
@@ -25,7 +26,7 @@ VERSION, REQUIREMENTS = PROJECT["version"], PROJECT["dependencies"]
 HEADING = re.compile(rf"^## {re.escape(VERSION)}, .*$", re.MULTILINE)
 DATED = f"## {VERSION}, {date(2026, 1, 31)}"
 if not (ROOT / ".git").exists():
-    pytest.skip("A release is made of a commit, and this is no git repository.", allow_module_level=True)
+    pytest.skip("Releases are made from a commit, and this is not a git repository.", allow_module_level=True)
 
 pytest.importorskip("hatchling", reason="The extra 'test' is not installed.")
 pytest.importorskip("cyclonedx_py", reason="The extra 'test' is not installed.")
@@ -43,20 +44,13 @@ def cloned(folder: Path) -> Path:
 
 
 def git(folder: Path, *arguments: str, **env: str) -> None:
-    subprocess.run(["git", *arguments], cwd=folder, env=os.environ | env, check=True, capture_output=True)
+    run("git", *arguments, cwd=folder, environment=env, check=True)
 
 
 def released(tree: Path, output: Path, fmus: Path, *options: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, str(tree / ".ci" / "release.py"), "--output", str(output), "--fmus", str(fmus)]
     env = {name: value for name, value in os.environ.items() if name != "SOURCE_DATE_EPOCH"}
-    return subprocess.run(
-        [*command, "--platform", host_platform(), *options],
-        cwd=output.parent,
-        env=env,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return run(*command, "--platform", host_platform(), *options, cwd=output.parent, env=env)
 
 
 @pytest.fixture(scope="module")
@@ -65,38 +59,40 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def made(tree: Path, python_fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def artifacts(tree: Path, python_fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     output = tmp_path_factory.mktemp("made") / "release"
-    done = released(tree, output, python_fmu_folder)
-    assert done.returncode == 0, done.stderr
-    assert sorted(done.stdout.splitlines()) == sorted(map(str, output.iterdir()))
+    process = released(tree, output, python_fmu_folder)
+    assert process.returncode == 0, process.stderr
+    assert sorted(process.stdout.splitlines()) == sorted(map(str, output.iterdir()))
     return output
 
 
-def test_the_sums_are_those_of_all_files(made: Path) -> None:
-    sums = dict(reversed(x.split("  ")) for x in (made / "SHA256SUMS").read_text().splitlines())
-    assert set(sums) | {"SHA256SUMS"} == {file.name for file in made.iterdir()}
+def test_the_sums_are_those_of_all_files(artifacts: Path) -> None:
+    sums = dict(reversed(x.split("  ")) for x in (artifacts / "SHA256SUMS").read_text().splitlines())
+    assert set(sums) | {"SHA256SUMS"} == {file.name for file in artifacts.iterdir()}
     assert len(sums) == 5
     for name, expected in sums.items():
-        assert hashlib.sha256((made / name).read_bytes()).hexdigest() == expected
+        assert hashlib.sha256((artifacts / name).read_bytes()).hexdigest() == expected
 
 
-def test_the_same_commit_gives_the_same_bytes(made: Path, python_fmu_folder: Path, tmp_path: Path) -> None:
-    """In another folder, over what an earlier release left, and beside what is nobody's."""
+def test_the_same_commit_gives_the_same_bytes(
+    artifacts: Path, python_fmu_folder: Path, tmp_path: Path
+) -> None:
+    """In another folder, over what an earlier release left, and beside a file of the user."""
     output = tmp_path / "again"
     output.mkdir()
     (output / "notes.txt").write_text("mine")
     (output / "emla_cosim-0.0.1.tar.gz").write_text("earlier")
     (output / "SHA256SUMS").write_text("0  emla_cosim-0.0.1.tar.gz\n")
-    done = released(cloned(tmp_path / "clone"), output, python_fmu_folder)
-    assert done.returncode == 0, done.stderr
-    assert (output / "SHA256SUMS").read_text() == (made / "SHA256SUMS").read_text()
-    assert {f.name for f in output.iterdir()} == {f.name for f in made.iterdir()} | {"notes.txt"}
+    process = released(cloned(tmp_path / "clone"), output, python_fmu_folder)
+    assert process.returncode == 0, process.stderr
+    assert (output / "SHA256SUMS").read_text() == (artifacts / "SHA256SUMS").read_text()
+    assert {f.name for f in output.iterdir()} == {f.name for f in artifacts.iterdir()} | {"notes.txt"}
 
 
-def test_the_archive_has_the_fmus_and_what_belongs_to_them(made: Path, python_fmu_folder: Path) -> None:
+def test_the_archive_has_the_fmus_and_what_belongs_to_them(artifacts: Path, python_fmu_folder: Path) -> None:
     top = f"emla-fmus-{VERSION}"
-    with zipfile.ZipFile(made / f"{top}.zip") as archive:
+    with zipfile.ZipFile(artifacts / f"{top}.zip") as archive:
         content = {name: archive.read(name) for name in archive.namelist()}
     assert content[f"{top}/LICENSE"] == (ROOT / "LICENSE").read_bytes()
     assert f"EMLA-Cosim {VERSION}".encode() in content[f"{top}/README.md"]
@@ -106,17 +102,17 @@ def test_the_archive_has_the_fmus_and_what_belongs_to_them(made: Path, python_fm
             name = fmu_path(model, flavour, Path(top)).as_posix()
             assert content[name] == fmu_path(model, flavour, python_fmu_folder).read_bytes()
             expected.add(name)
-        kept = [f for f in (ROOT / "fmus" / model).iterdir() if f.is_file() and f.suffix != ".fmu"]
-        assert {f"{model}_ref.csv", "README.md"} <= {f.name for f in kept}
-        for file in kept:
+        files = [f for f in (ROOT / "fmus" / model).iterdir() if f.is_file() and f.suffix != ".fmu"]
+        assert {f"{model}_ref.csv", "README.md"} <= {f.name for f in files}
+        for file in files:
             assert content[f"{top}/{model}/{file.name}"] == file.read_bytes()
             expected.add(f"{top}/{model}/{file.name}")
     assert set(content) == expected
 
 
-def test_the_packages_are_whole(made: Path, tmp_path: Path) -> None:
+def test_the_packages_are_whole(artifacts: Path, tmp_path: Path) -> None:
     """The wheel has references, plugin and documents; from the sources the same wheel can be built."""
-    (wheel,) = made.glob("*.whl")
+    (wheel,) = artifacts.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
         points = archive.read(f"emla_cosim-{VERSION}.dist-info/entry_points.txt").decode()
@@ -127,18 +123,18 @@ def test_the_packages_are_whole(made: Path, tmp_path: Path) -> None:
     assert not [name for name in names if "/tests/" in name]
     brought = {Path(name).name for name in names if name.startswith("fmublock/prebuilt/fmus/")}
     assert brought >= {f"{model}.fmu" for model in (*MODELS, "ExcavatorLoad")}
-    with tarfile.open(made / f"emla_cosim-{VERSION}.tar.gz") as sources:
+    with tarfile.open(artifacts / f"emla_cosim-{VERSION}.tar.gz") as sources:
         # Python 3.11.3 and earlier have no filters
         sources.extractall(tmp_path, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
-    env = os.environ | {"SOURCE_DATE_EPOCH": "1769860800", "EMLA_COSIM_PLATFORMS": host_platform()}
-    subprocess.run(command, cwd=tmp_path / f"emla_cosim-{VERSION}", env=env, check=True, capture_output=True)
+    variables = {"SOURCE_DATE_EPOCH": "1769860800", "EMLA_COSIM_PLATFORMS": host_platform()}
+    run(*command, cwd=tmp_path / f"emla_cosim-{VERSION}", environment=variables, check=True)
     assert (tmp_path / wheel.name).read_bytes() == wheel.read_bytes()
 
 
-def test_bill_of_materials_has_the_base_requirements(made: Path) -> None:
+def test_bill_of_materials_has_the_base_requirements(artifacts: Path) -> None:
     """It is valid, dated by the commit, and has nothing random."""
-    text = (made / f"emla_cosim-{VERSION}.cdx.json").read_text(encoding="utf-8")
+    text = (artifacts / f"emla_cosim-{VERSION}.cdx.json").read_text(encoding="utf-8")
     validation = pytest.importorskip("cyclonedx.validation.json")
     schema = pytest.importorskip("cyclonedx.schema")
     assert validation.JsonStrictValidator(schema.SchemaVersion.V1_6).validate_str(text) is None
@@ -170,16 +166,16 @@ def test_what_is_not_ready_is_refused(heading: str, words: str, tree: Path, tmp_
     before = changelog.read_text(encoding="utf-8")
     changelog.write_text(HEADING.sub(heading, before), encoding="utf-8")
     try:
-        done = released(tree, tmp_path / "release", tmp_path / "fmus")
+        process = released(tree, tmp_path / "release", tmp_path / "fmus")
     finally:
         changelog.write_text(before, encoding="utf-8")
-    assert done.returncode == 1
-    assert re.match(f"Error: .*{words}", done.stderr), done.stderr
-    assert "Traceback" not in done.stderr
+    assert process.returncode == 1
+    assert re.match(f"Error: .*{words}", process.stderr), process.stderr
+    assert "Traceback" not in process.stderr
     assert not (tmp_path / "release").exists()
 
 
 def test_a_platform_that_there_is_not_is_a_wrong_command(tmp_path: Path) -> None:
-    done = released(ROOT, tmp_path / "release", tmp_path, "--platform", "amiga")
-    assert done.returncode == 2
-    assert all(platform in done.stderr for platform in PLATFORMS)
+    process = released(ROOT, tmp_path / "release", tmp_path, "--platform", "amiga")
+    assert process.returncode == 2
+    assert all(platform in process.stderr for platform in PLATFORMS)

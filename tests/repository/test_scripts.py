@@ -3,7 +3,6 @@
 import argparse
 import csv
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from fmu_verify.catalogue import CHECKS
 from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN
 from tests.support.paths import ROOT
+from tests.support.processes import run as run_program
 
 OPTIONS = ("fmusim", "vdmcheck2", "vdmcheck3", "fmu_compliance_checker")
 
@@ -29,7 +29,7 @@ def test_fmus_are_compared_with_fmpy_and_copies_count_once(fmu_folder: Path, tmp
         shutil.copy(fmu_folder / "EmlaPlant" / "EmlaPlant.fmu", folder / name)
     (folder / "none.fmu").write_text("version https://git-lfs")
     command = [sys.executable, str(ROOT / "docs" / "foreign_fmus.py"), str(folder), str(tmp_path / "out")]
-    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    run_program(*command, check=True, timeout=300)
     with (tmp_path / "out" / "fmus.csv").open() as stream:
         rows = {(row["fmu"], row["kind"]): row for row in csv.DictReader(stream)}
     assert set(rows) == {("copy.fmu", "CS"), ("copy.fmu", "ME"), ("none.fmu", "")}

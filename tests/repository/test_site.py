@@ -1,8 +1,6 @@
 """The documentation as a site: built strictly, complete, with nothing loaded from other sites."""
 
 import ast
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,6 +10,7 @@ from lxml import html
 import fmublock
 from emla_cosim.run.options import list_options
 from tests.support.paths import ROOT
+from tests.support.processes import run
 
 pytest.importorskip("mkdocs", reason="The extra 'docs' is not installed.")
 nbformat = pytest.importorskip("nbformat", reason="The extra 'docs' is not installed.")
@@ -20,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 CONFIGURATION = "docs/site/mkdocs.yml"
 NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
-LOADED = "//script/@src | //link[@rel!='canonical']/@href | //img/@src | //iframe/@src | //source/@src"
+FETCHED = "//script/@src | //link[@rel!='canonical']/@href | //img/@src | //iframe/@src | //source/@src"
 """What a browser fetches by itself."""
 
 
@@ -28,15 +27,9 @@ LOADED = "//script/@src | //link[@rel!='canonical']/@href | //img/@src | //ifram
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site; its notebooks were executed."""
     folder = tmp_path_factory.mktemp("site")
-    done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", CONFIGURATION, "-d", str(folder)],
-        cwd=ROOT,
-        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", CONFIGURATION, "-d", folder]
+    process = run(*command, cwd=ROOT, environment={"NO_MKDOCS_2_WARNING": "1"})
+    assert process.returncode == 0, process.stderr
     return folder
 
 
@@ -62,8 +55,8 @@ def test_every_public_name_is_in_the_reference(site: Path, module: str, names: s
     documented = {}
     for entry in page(site, f"api/{module}.html").xpath("//div[contains(@class, 'doc-object')]"):
         (heading, *_) = entry.xpath("./*[@id]/@id")
-        said = entry.xpath("./div[contains(@class, 'doc-contents')]/p[1]")
-        documented[heading.rpartition(".")[2]] = said[0].text_content() if said else ""
+        paragraphs = entry.xpath("./div[contains(@class, 'doc-contents')]/p[1]")
+        documented[heading.rpartition(".")[2]] = paragraphs[0].text_content() if paragraphs else ""
     assert names <= set(documented)
     assert [n for n in sorted(names) if len(documented[n]) < 10] == []
 
@@ -78,9 +71,9 @@ def test_pages_load_nothing_from_other_sites(site: Path) -> None:
     pages = [p.relative_to(site) for p in site.rglob("*.html")]
     assert len(pages) > 20
     for name in pages:
-        loaded = page(site, str(name)).xpath(LOADED)
-        assert loaded
-        assert [x for x in loaded if x.startswith(("http:", "https:", "//"))] == [], name
+        addresses = page(site, str(name)).xpath(FETCHED)
+        assert addresses
+        assert [x for x in addresses if x.startswith(("http:", "https:", "//"))] == [], name
 
 
 def test_equations_are_typeset(site: Path) -> None:
@@ -94,11 +87,11 @@ def test_equations_are_typeset(site: Path) -> None:
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_shows_its_results(site: Path, notebook: Path) -> None:
-    shown = page(site, f"notebooks/{notebook.stem}.html")
-    pictures = shown.xpath("//article//img/@src")
+    content = page(site, f"notebooks/{notebook.stem}.html")
+    pictures = content.xpath("//article//img/@src")
     assert pictures
     assert all((site / "notebooks" / picture).stat().st_size > 10_000 for picture in pictures)
-    assert "Traceback" not in shown.text_content()
+    assert "Traceback" not in content.text_content()
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)

@@ -1,12 +1,12 @@
 """Tags of this project that the documentation names exist, or are that of the release that is being made."""
 
 import re
-import subprocess
 import tomllib
 
 import pytest
 
 from tests.support.paths import ROOT
+from tests.support.processes import run
 
 PAGES = [
     *ROOT.glob("*.md"),
@@ -29,11 +29,11 @@ def unknown_tags(text: str, tags: set[str]) -> list[str]:
 
 def existing_tags() -> set[str]:
     """Return all tags, with that of the version if its section in the changelog has a day."""
-    done = subprocess.run(["git", "tag"], cwd=ROOT, capture_output=True, text=True, check=True)
+    tags = run("git", "tag", cwd=ROOT, check=True).stdout.split()
     version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     is_dated = re.search(rf"^## {re.escape(version)}, \d{{4}}-\d\d-\d\d$", changelog, re.MULTILINE)
-    return {*done.stdout.split(), *([f"v{version}"] if is_dated else [])}
+    return {*tags, *([f"v{version}"] if is_dated else [])}
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="Tags are those of a git repository.")

@@ -6,7 +6,7 @@ from fmublock import Block, DiscreteState, Output, Parameter, State, matvec
 
 
 class Arm(Block):
-    """Reads a matrix and a vector that stands still."""
+    """Reads a matrix and a vector that does not change."""
 
     q_0 = Parameter([0.1, 0.2, 0.3], shape=3)
     level = Parameter(2.0)

@@ -51,10 +51,10 @@ class Page:
     def until(self, script: str) -> Any:
         """What the script returns once that is something; AssertionError after 20 s."""
         end = time.monotonic() + 20
-        while not (found := self.run(script)):
+        while not (value := self.run(script)):
             assert time.monotonic() < end, (script, self.complaints())
             time.sleep(0.02)
-        return found
+        return value
 
     def count(self, selector: str) -> int:
         """How many elements of it are to be seen."""

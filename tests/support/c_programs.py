@@ -36,7 +36,7 @@ SANITIZERS = {
     ],
     "thread": ["-fsanitize=thread"],
 }
-_HERE = Path(__file__).parent / "c_host"
+_SOURCES = Path(__file__).parent / "c_host"
 _FLAGS = ["-std=c11", "-O1", "-g", "-ffp-contract=off", "-I", str(files("fmpy").joinpath("c-code"))]
 _STRICT = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 _ENVIRONMENT = {
@@ -61,7 +61,7 @@ def build(sanitizer: str, programs: Sequence[str], fmus: Iterable[FmuFile], fold
     flags = [*_FLAGS, *SANITIZERS[sanitizer]]
     binaries, libraries = {p: folder / p for p in programs}, {}
     commands = [
-        [*flags, *_STRICT, str(_HERE / f"{p}.c"), "-o", str(binary), "-pthread", "-ldl", "-lm"]
+        [*flags, *_STRICT, str(_SOURCES / f"{p}.c"), "-o", str(binary), "-pthread", "-ldl", "-lm"]
         for p, binary in binaries.items()
     ]
     for fmu in fmus:
@@ -83,7 +83,7 @@ def windows_host(folder: Path) -> Path:
     """Compile host.c for Windows on x86-64."""
     program = folder / "host.exe"
     zig = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu", *_FLAGS, "-g0"]
-    command = [*zig, str(_HERE / "host.c"), "-o", str(program), "-lpthread"]
+    command = [*zig, str(_SOURCES / "host.c"), "-o", str(program), "-lpthread"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     return program
@@ -142,14 +142,14 @@ def host_plan(
     return "\n".join(lines) + "\n"
 
 
-def _start_value(variable: ModelVariable, place: str, value: Value) -> str:
+def _start_value(variable: ModelVariable, variable_key: str, value: Value) -> str:
     match variable.type:
         case "Real":
-            return f"real {place} {float(value).hex()}"
+            return f"real {variable_key} {float(value).hex()}"
         case "Boolean":
-            return f"boolean {place} {int(value)}"
+            return f"boolean {variable_key} {int(value)}"
         case _:
-            return f"integer {place} {int(value)}"
+            return f"integer {variable_key} {int(value)}"
 
 
 def fuzz_plan(fmu: FmuFile, library: Path, foreign: FmuFile, foreign_library: Path) -> str:

@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -43,19 +42,15 @@ class Outside:
     workers: list[Any] = field(default_factory=list)
 
     def process(self, name: str, *arguments: str, path: str = CODE) -> subprocess.Popen[bytes]:
-        own = self.folder / name
-        for place in (own, own / "home", own / "temporary"):
-            place.mkdir()
-        kept = {n: x for n, x in os.environ.items() if n in ("PATH", "LD_LIBRARY_PATH", "LANG", "SYSTEMROOT")}
-        return subprocess.Popen(
-            [sys.executable, "-m", *arguments],
-            cwd=own, stdout=subprocess.DEVNULL, stderr=(own / "log").open("wb"),
-            env={**kept, "PYTHONPATH": path, "HOME": str(own / "home"), "TMPDIR": str(own / "temporary"),
-                 "POLARS_MAX_THREADS": "1"},
-        )  # fmt: skip
-
-    def kill_scheduler(self) -> None:
-        self.scheduler.send_signal(signal.SIGKILL)
+        folder = self.folder / name
+        for subfolder in (folder, folder / "home", folder / "temporary"):
+            subfolder.mkdir()
+        passed_on = ("PATH", "LD_LIBRARY_PATH", "LANG", "SYSTEMROOT")
+        environment = {name: value for name, value in os.environ.items() if name in passed_on}
+        environment |= {"PYTHONPATH": path, "POLARS_MAX_THREADS": "1"}
+        environment |= {"HOME": str(folder / "home"), "TMPDIR": str(folder / "temporary")}
+        command, log = [sys.executable, "-m", *arguments], (folder / "log").open("wb")
+        return subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=log, env=environment)
 
     def worker(self, *arguments: str, path: str = CODE) -> subprocess.Popen[bytes]:
         """Start a worker with one thread."""
@@ -73,26 +68,26 @@ def outside_cluster(
     folder: Path, workers: int = 2, arguments: Sequence[str] = ("--no-nanny",)
 ) -> Iterator[Outside]:
     """The same, with its processes ended in the end."""
-    found = Outside(folder)
+    cluster = Outside(folder)
     try:
-        found.scheduler = found.process(
+        cluster.scheduler = cluster.process(
             "scheduler", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0",
             "--no-dashboard", "--scheduler-file", "where",
         )  # fmt: skip
         where = folder / "scheduler/where"
         wait_for(lambda: where.exists() and '"address"' in where.read_text())
 
-        found.address = json.loads(where.read_text())["address"]
+        cluster.address = json.loads(where.read_text())["address"]
         for _ in range(workers):
-            found.worker(*arguments)
+            cluster.worker(*arguments)
         if workers:
-            with Client(found.address, set_as_default=False) as client:
+            with Client(cluster.address, set_as_default=False) as client:
                 client.wait_for_workers(workers, timeout=60)
-        yield found
+        yield cluster
     finally:
-        for process in filter(None, [*found.workers, found.scheduler]):
-            for one in family(process):
-                one.kill()
+        for process in filter(None, [*cluster.workers, cluster.scheduler]):
+            for member in family(process):
+                member.kill()
             process.wait()
 
 

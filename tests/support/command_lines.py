@@ -21,7 +21,7 @@ USABLE, CLOSED, FULL = "usable", "closed", "full"
 """What streams can be: read by us, closed, on a full disk."""
 
 FMUS, FOLDER = "{fmus}", "{folder}"
-"""Stand for the folder of FMUs and that of a command, which are others every time."""
+"""Placeholders of the folder of FMUs and that of a command, which are others every time."""
 
 
 def _weighted(*parts: tuple[int, st.SearchStrategy[Any]]) -> st.SearchStrategy[Any]:
@@ -114,15 +114,15 @@ def _typed(kind: Any) -> st.SearchStrategy[str]:
     return {float: _numbers, int: _numbers, Path: _paths}.get(kind, _texts)
 
 
-def _given(option: Option) -> st.SearchStrategy[tuple[str, ...]]:
+def _with_value(option: Option) -> st.SearchStrategy[tuple[str, ...]]:
     """An option as it may be given."""
     flag = option.flag
     if option.type is bool:
         off = f"--no-{flag.removeprefix('--')}"
         return st.sampled_from([(flag,), (off,), (off,), (f"{flag}=x",)])
     values = _values(option)
-    apart, joined = values.map(lambda v: (flag, v)), values.map(lambda v: (f"{flag}={v}",))
-    return _weighted((5, apart), (4, joined), (1, st.just((flag,))))
+    separate, joined = values.map(lambda v: (flag, v)), values.map(lambda v: (f"{flag}={v}",))
+    return _weighted((5, separate), (4, joined), (1, st.just((flag,))))
 
 
 # ---- commands --------------------------------------------------------------------------------------
@@ -136,7 +136,7 @@ _scenarios = _weighted((5, _good), (1, _paths))
 
 
 def _options(command: str) -> st.SearchStrategy[list[tuple[str, ...]]]:
-    drawn = st.one_of([_given(o) for o in list_options(command).values()])
+    drawn = st.one_of([_with_value(o) for o in list_options(command).values()])
     strays = st.lists(drawn | _stray, max_size=3)
     return _weighted((3, st.lists(drawn, max_size=2)), (2, st.lists(drawn, max_size=4)), (1, strays))
 
@@ -157,10 +157,10 @@ _records = _paths | st.sampled_from(["ok.json", "-q"])
 _run = _command("run", _scenarios, *_output, "--stop-time", "0.002", options=_options(RUN))
 _export = _command("export", _scenarios, _packages, "--fmus", FMUS, options=_options(EXPORT))
 _rerun = _command("rerun", _records, *_output, options=_options(RUN))
-_shown = st.sampled_from(
+_info_options = st.sampled_from(
     [("--json",), ("--json", "device"), ("--match", "*.x_L"), ("--match", ODD), ("--match",)]
 )
-_files = st.lists(_shown | _paths.map(lambda path: ("--json", path)), max_size=2)
+_files = st.lists(_info_options | _paths.map(lambda path: ("--json", path)), max_size=2)
 _info = _command(
     "info", _scenarios, "--fmus", FMUS, options=st.builds(lambda a, b: [*a, *b], _options(INFO), _files)
 )
@@ -168,10 +168,10 @@ _model = st.sampled_from([*MODELS, "EmlaPlant", "x", ODD, "gone.py:B", "broken.p
 _more = st.sampled_from(
     [("--flavour", "python"), ("--flavour", "x"), ("--platform", "x"), ("--output", "device"), ("--output",)]
 )
-_others = st.lists(_more | _model.map(lambda model: (model,)), max_size=2)
-_build = _command("build", _model, "--output", FMUS, "--platform", host_platform(), options=_others)
-_known = st.sampled_from(["run", "list", "export", "ru"])
-_words = st.lists(_nonsense | _texts | _known, max_size=4).map(tuple)
+_build_options = st.lists(_more | _model.map(lambda model: (model,)), max_size=2)
+_build = _command("build", _model, "--output", FMUS, "--platform", host_platform(), options=_build_options)
+_names = st.sampled_from(["run", "list", "export", "ru"])
+_words = st.lists(_nonsense | _texts | _names, max_size=4).map(tuple)
 _list = st.lists(_nonsense | _texts, max_size=1).map(lambda more: ("list", *more))
 commands = _weighted((12, _run), (3, _export), (2, _rerun), (3, _info), (1, _build), (1, _list), (2, _words))
 

@@ -18,7 +18,7 @@ def widen_terminal(monkeypatch: pytest.MonkeyPatch, columns: int = 100) -> None:
 
 
 def sentence(result: Result, exit_code: int) -> str:
-    """The one sentence of a command that failed with this exit code, and no traceback."""
+    """Return the one error message of a command that failed with this exit code, and no traceback."""
     assert result.exit_code == exit_code, result.output
     assert result.exception is None or isinstance(result.exception, SystemExit)
     lines = [line for line in result.stderr.splitlines() if line.startswith("Error:")]

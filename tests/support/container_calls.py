@@ -81,9 +81,9 @@ def vector(kind: Any, values: list[Any]) -> Any:
 
 def references(rng: random.Random, caller: Caller, letter: str) -> list[int]:
     """Mostly those of one type."""
-    own = [i for i, x in enumerate(caller.letters) if x == letter] or [0]
+    candidates = [i for i, x in enumerate(caller.letters) if x == letter] or [0]
     return [
-        rng.choice(own) if rng.random() < 0.97 else rng.randrange(len(caller.letters) + 2)
+        rng.choice(candidates) if rng.random() < 0.97 else rng.randrange(len(caller.letters) + 2)
         for _ in range(rng.randrange(4))
     ]
 
@@ -92,27 +92,27 @@ def exchange(rng: random.Random, caller: Caller) -> tuple[str, int]:
     """Get values, and set them again or others."""
     kind = rng.choice(list(caller.types))
     letter, ctype = caller.types[kind]
-    found = references(rng, caller, letter)
-    n = c_size_t(len(found))
-    length = len(found) if rng.random() < 0.95 or caller.version == 2 else rng.randrange(5)
+    indices = references(rng, caller, letter)
+    n = c_size_t(len(indices))
+    length = len(indices) if rng.random() < 0.95 or caller.version == 2 else rng.randrange(5)
     values = vector(ctype, [0] * length)
     rest = (c_size_t(length),) if caller.version == 3 else ()
-    status = caller.call(f"Get{kind}", vector(c_uint32, found), n, values, *rest)
+    status = caller.call(f"Get{kind}", vector(c_uint32, indices), n, values, *rest)
     if rng.random() < 0.5:
         return f"Get{kind}", status
     for i in range(length):
         if rng.random() < 0.02:
             values[i] = rng.choice(NUMBERS) if ctype is c_double else rng.randrange(-(2**31), 2**31)
     array = None if rng.random() < 0.02 else values
-    return f"Set{kind}", caller.call(f"Set{kind}", vector(c_uint32, found), n, array, *rest)
+    return f"Set{kind}", caller.call(f"Set{kind}", vector(c_uint32, indices), n, array, *rest)
 
 
 def texts(rng: random.Random, caller: Caller) -> tuple[str, int]:
-    found = references(rng, caller, "S")
-    values = vector(c_char_p, [rng.choice((b"a", b"", None)) for _ in found])
-    rest = (c_size_t(len(found)),) if caller.version == 3 else ()
+    indices = references(rng, caller, "S")
+    values = vector(c_char_p, [rng.choice((b"a", b"", None)) for _ in indices])
+    rest = (c_size_t(len(indices)),) if caller.version == 3 else ()
     name = rng.choice(("GetString", "SetString"))
-    return name, caller.call(name, vector(c_uint32, found), c_size_t(len(found)), values, *rest)
+    return name, caller.call(name, vector(c_uint32, indices), c_size_t(len(indices)), values, *rest)
 
 
 def step(rng: random.Random, caller: Caller) -> tuple[str, int]:
@@ -125,10 +125,10 @@ def step(rng: random.Random, caller: Caller) -> tuple[str, int]:
         caller.call("GetBooleanStatus", 3, byref(ended))
     else:
         flags, reached = [c_bool() for _ in range(3)], c_double()
-        places: list[Any] = [*map(byref, flags), byref(reached)]
+        pointers: list[Any] = [*map(byref, flags), byref(reached)]
         if rng.random() < 0.05:
-            places[rng.randrange(4)] = None
-        status = caller.call("DoStep", c_double(start), c_double(length), c_bool(False), *places)
+            pointers[rng.randrange(4)] = None
+        status = caller.call("DoStep", c_double(start), c_double(length), c_bool(False), *pointers)
     if status == 0:
         caller.time = reached.value
     return "DoStep", status
@@ -139,8 +139,8 @@ def state(rng: random.Random, caller: Caller, foreign: bytes) -> tuple[str, int]
     end = "state" if old else "State"
     match rng.randrange(6):
         case 0 | 1:
-            name, place = f"GetFMU{end}", None if rng.random() < 0.05 else byref(caller.state)
-            return name, caller.call(name, place)
+            name, pointer = f"GetFMU{end}", None if rng.random() < 0.05 else byref(caller.state)
+            return name, caller.call(name, pointer)
         case 2:
             name = f"SetFMU{end}"
             status = caller.call(name, caller.state)
@@ -192,23 +192,23 @@ def end(rng: random.Random, caller: Caller) -> tuple[str, int]:
 
 def other(rng: random.Random, caller: Caller) -> tuple[str, int]:
     if rng.random() < 0.3:
-        known = (b"logAll", b"logStatusError", b"what", None)
-        names = vector(c_char_p, [rng.choice(known) for _ in range(2)])
+        categories = (b"logAll", b"logStatusError", b"what", None)
+        names = vector(c_char_p, [rng.choice(categories) for _ in range(2)])
         on = 1 if rng.random() < 0.7 else 0
         return "SetDebugLogging", caller.call("SetDebugLogging", on, c_size_t(rng.randrange(3)), names)
-    found = references(rng, caller, "R")
-    refs, n = vector(c_uint32, found), c_size_t(len(found))
-    numbers, orders = vector(c_double, [0.0] * len(found)), vector(c_int, [1] * len(found))
+    indices = references(rng, caller, "R")
+    refs, n = vector(c_uint32, indices), c_size_t(len(indices))
+    numbers, orders = vector(c_double, [0.0] * len(indices)), vector(c_int, [1] * len(indices))
     if caller.version == 2:
-        places = {"GetStatus": c_int(), "GetIntegerStatus": c_int(), "GetStringStatus": c_char_p()}
-        name = rng.choice(("CancelStep", *places, "SetRealInputDerivatives", "GetRealOutputDerivatives"))
-        if name in places:
-            return name, caller.call(name, rng.randrange(5), byref(places[name]))
+        values = {"GetStatus": c_int(), "GetIntegerStatus": c_int(), "GetStringStatus": c_char_p()}
+        name = rng.choice(("CancelStep", *values, "SetRealInputDerivatives", "GetRealOutputDerivatives"))
+        if name in values:
+            return name, caller.call(name, rng.randrange(5), byref(values[name]))
         return name, caller.call(name, *(() if name == "CancelStep" else (refs, n, orders, numbers)))
     name = rng.choice((*OTHERS_3, "GetClock", "GetOutputDerivatives", "GetAdjointDerivative"))
     arguments: tuple[Any, ...] = ()
     if name == "GetClock":
-        arguments = (refs, n, vector(c_bool, [False] * len(found)))
+        arguments = (refs, n, vector(c_bool, [False] * len(indices)))
     elif name == "GetOutputDerivatives":
         arguments = (refs, n, orders, numbers, n)
     elif name == "GetAdjointDerivative":
@@ -235,14 +235,14 @@ def main(version: int, path: str, token: str, location: str, letters: str, seed:
         name, status = way(rng, caller)
         counts.setdefault(name, [0] * 5)[status] += 1
         caller.texts.clear()
-        if k % 1000 == 999:  # a new instance, while the other one goes on
+        if k % 1000 == 999:  # a new instance, while the other one continues
             i = callers.index(caller)
             caller.free()
             callers[i] = Caller(version, path, token, location, letters)
     for caller in callers:
         caller.free()
-    for name, found in sorted(counts.items()):
-        print(name, *found)
+    for name, numbers in sorted(counts.items()):
+        print(name, *numbers)
 
 
 if __name__ == "__main__":

@@ -21,11 +21,11 @@ class Host:
         self.references = {v.name: v.valueReference for v in description.modelVariables}
         self.outputs = [v.name for v in description.modelVariables if v.causality == "output"]
         self.messages = list[str]()
-        place = folder / "é 100% #1"
-        fmpy.extract(str(fmu), str(place))
+        unpacked = folder / "é 100% #1"
+        fmpy.extract(str(fmu), str(unpacked))
         self.fmu: Any = (FMU2Slave if self.version == 2 else FMU3Slave)(
             guid=description.guid if self.version == 2 else description.instantiationToken,
-            unzipDirectory=str(place),
+            unzipDirectory=str(unpacked),
             modelIdentifier=description.coSimulation.modelIdentifier,
             instanceName="host",
         )

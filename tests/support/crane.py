@@ -51,10 +51,10 @@ def accelerations(theta: Any, omega: Any, force: Any) -> tuple[Any, Any]:
     """Return the accelerations of both rods in rad/s2, from angles, rates, and the cylinder's force in N."""
     couple = L * L_H * M_H
     a, b, c = L * L * (M / 3.0 + M_P + M_H), couple * cos(theta[0] - theta[1]), L_H * L_H * M_H
-    turn = couple * sin(theta[0] - theta[1])
+    coriolis = couple * sin(theta[0] - theta[1])
     weight = -L * GRAVITY * (0.5 * M + M_P + M_H) * cos(theta[0])
-    first = weight + lever(theta[0]) * force - turn * omega[1] * omega[1]
-    second = -M_H * L_H * GRAVITY * cos(theta[1]) + turn * omega[0] * omega[0]
+    first = weight + lever(theta[0]) * force - coriolis * omega[1] * omega[1]
+    second = -M_H * L_H * GRAVITY * cos(theta[1]) + coriolis * omega[0] * omega[0]
     det = a * c - b * b
     return (c * first - b * second) / det, (a * second - b * first) / det
 
@@ -175,5 +175,5 @@ def solution(stop: float = STOP, interval: float = 0.01) -> np.ndarray:
         rows.append(run.y[:, :-1])
         state = run.y[:, -1]
     z = np.hstack([*rows, state[:, None]])
-    moved = [(length(x), lever(x) * w) for x, w in zip(z[0].tolist(), z[2].tolist(), strict=True)]
-    return np.column_stack([times, moved, z[4], z[5]])
+    cylinder = [(length(x), lever(x) * w) for x, w in zip(z[0].tolist(), z[2].tolist(), strict=True)]
+    return np.column_stack([times, cylinder, z[4], z[5]])

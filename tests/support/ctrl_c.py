@@ -20,9 +20,9 @@ def interrupt_steps(
     """Send SIGINT while C does ten million steps without a row; return how its calls end, as they do."""
     ends, run = list[Failure](), NativeLoop.run
 
-    def run_long(loop: NativeLoop, first: int, count: int, clock: Any, every: int, rows: Any) -> Any:
+    def run_long(loop: NativeLoop, first: int, count: int, clock: Any, steps_per_row: int, rows: Any) -> Any:
         if not applies(loop):
-            return run(loop, first, count, clock, every, rows)
+            return run(loop, first, count, clock, steps_per_row, rows)
         timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT))
         timer.start()
         try:

@@ -42,12 +42,12 @@ def main(path: str, token: str, variables: int, seed: int, calls: int, has_clock
         counts.setdefault(counted_as or name, [0] * 5)[status] += 1
         return status
 
-    def update(environment: Any, time: float, *others: Any) -> None:
+    def update(environment: Any, time: float, *pointers: Any) -> None:
         """Read and set random values within a step, and end it now and then."""
         refs, values = references(rng, variables), numbers(rng)
         for name in ("GetFloat64", "SetFloat64"):
             call(name, instances[0], *refs, *values, counted_as=f"{name}WithinStep")
-        others[-2][0], others[-1][0] = rng.random() < 0.3, rng.choice((time, *NUMBERS))
+        pointers[-2][0], pointers[-1][0] = rng.random() < 0.3, rng.choice((time, *NUMBERS))
 
     callback = UPDATE(update)
     required = (c_uint32 * len(needed))(*needed)
@@ -57,8 +57,10 @@ def main(path: str, token: str, variables: int, seed: int, calls: int, has_clock
         create = getattr(library, f"fmi3Instantiate{kind}")
         create.restype = c_void_p
         extra, last = (of_co_simulation, (callback,)) if kind == "CoSimulation" else ((), ())
-        made = create(b"x", token.encode(), b"/", c_bool(False), c_bool(True), *extra, None, logger, *last)
-        instances.append(c_void_p(made))
+        instance = create(
+            b"x", token.encode(), b"/", c_bool(False), c_bool(True), *extra, None, logger, *last
+        )
+        instances.append(c_void_p(instance))
     flags, time, size = [c_bool() for _ in range(5)], c_double(), c_size_t()
     clock, ticks, about = 0.0, (c_uint32 * 1)(variables), c_uint32()
     of_clock = (
@@ -112,13 +114,13 @@ def main(path: str, token: str, variables: int, seed: int, calls: int, has_clock
         if name == "DoStep" and status == 0:
             clock = time.value
         if name == "GetNumberOfVariableDependencies" and status == 0:
-            places = [(t * size.value)() for t in (c_size_t, c_uint32, c_size_t, c_int)]
-            call("GetVariableDependencies", c, about, *places, size)
+            arrays = [(t * size.value)() for t in (c_size_t, c_uint32, c_size_t, c_int)]
+            call("GetVariableDependencies", c, about, *arrays, size)
     for c, state in zip(instances, states, strict=True):
         call("FreeFMUState", c, byref(state))
         library.fmi3FreeInstance(c)
-    for name, found in sorted(counts.items()):
-        print(name, *found)
+    for name, of_status in sorted(counts.items()):
+        print(name, *of_status)
 
 
 if __name__ == "__main__":

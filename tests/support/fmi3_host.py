@@ -1,7 +1,5 @@
 """Instances of an FMU for FMI 3.0, freed together, and everything they log."""
 
-import os
-import subprocess
 import sys
 import zipfile
 from collections.abc import Callable
@@ -16,6 +14,7 @@ from fmpy.fmi3 import FMU3Slave
 from lxml import etree
 
 from tests.support.c_programs import SANITIZERS
+from tests.support.processes import run
 from tests.support.sessions import ERROR
 
 WARNINGS = ["-std=c11", "-O1", "-g", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wno-unused-function"]
@@ -32,22 +31,22 @@ class Host:
         fmpy.extract(str(path), folder)
 
     def new(self, kind: Any = FMU3Slave, token: str | None = None, name: str = "toy", **options: Any) -> Any:
-        made = kind(
+        instance = kind(
             guid=self.description.guid if token is None else token,
             unzipDirectory=str(self.folder),
             modelIdentifier=self.description.modelName,
             instanceName=name,
         )
-        made.instantiate(logMessage=self._log, loggingOn=True, **options)
-        self.instances.append(made)
-        return made
+        instance.instantiate(logMessage=self._log, loggingOn=True, **options)
+        self.instances.append(instance)
+        return instance
 
     def started(self, kind: Any = FMU3Slave, running: bool = True, time: float = 0.0) -> Any:
-        made = self.new(kind)
-        made.enterInitializationMode(startTime=time)
+        instance = self.new(kind)
+        instance.enterInitializationMode(startTime=time)
         if running:
-            made.exitInitializationMode()
-        return made
+            instance.exitInitializationMode()
+        return instance
 
     def refused(self, call: Callable[..., Any], *arguments: Any, status: int = ERROR) -> str:
         """Return the one message with which a call is refused."""
@@ -81,20 +80,14 @@ def call_at_random(
     The sources are compiled for the address sanitizer, which ends the process at the first wrong access.
     """
     library, headers = folder / "Toy.so", files("fmpy").joinpath("c-code")
-    runtime = subprocess.check_output(["cc", "-print-file-name=libasan.so"], text=True)
+    runtime = run("cc", "-print-file-name=libasan.so").stdout.strip()
     source = host.folder / "sources" / "fmi3_block.c"
     shared = ["-shared", "-fPIC", "-fvisibility=hidden"]
     options = [*WARNINGS, *SANITIZERS["address"], *shared, "-I", str(headers)]
-    subprocess.run(["cc", *options, str(source), "-o", str(library), "-lm"], check=True)
+    run("cc", *options, source, "-o", library, "-lm", check=True)
     script = files("tests.support").joinpath("fmi3_calls.py")
-    numbers = map(str, (references, 1, calls, clock, *needed))
-    environment = {"LD_PRELOAD": runtime.strip(), "PYTHONMALLOC": "malloc", "ASAN_OPTIONS": "detect_leaks=0"}
-    run = subprocess.run(
-        [sys.executable, str(script), str(library), str(host.description.guid), *numbers],
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (run.returncode, run.stderr) == (0, "")
-    return {name: [int(n) for n in counts] for name, *counts in map(str.split, run.stdout.splitlines())}
+    numbers = (references, 1, calls, clock, *needed)
+    environment = {"LD_PRELOAD": runtime, "PYTHONMALLOC": "malloc", "ASAN_OPTIONS": "detect_leaks=0"}
+    process = run(sys.executable, script, library, host.description.guid, *numbers, environment=environment)
+    assert (process.returncode, process.stderr) == (0, "")
+    return {name: [int(n) for n in counts] for name, *counts in map(str.split, process.stdout.splitlines())}

@@ -23,8 +23,8 @@ class Code:
         self._name = name = source.stem
         library = source.with_suffix(".so")
         command = [*COMPILER, "-O2", "-fPIC", "-shared", "-o", str(library), str(source)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
+        process = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert process.returncode == 0, process.stderr
         header = source.with_suffix(".h").read_text()
         real = ctypes.c_float if f"typedef float {name}_real" in header else ctypes.c_double
         self.library = ctypes.CDLL(str(library))
@@ -32,15 +32,15 @@ class Code:
             self._struct(header, kind, real) for kind in ("parameters", "inputs", "outputs")
         )
         self.names: dict[str, str] = dict(re.findall(r"_real (\w+); /\* ([\w.\[\],]+)", header))
-        self._memory = ctypes.create_string_buffer(65536)
+        self._instance = ctypes.create_string_buffer(65536)
         getattr(self.library, f"{name}_start").restype = ctypes.c_char_p
         getattr(self.library, f"{name}_start").argtypes = [ctypes.c_void_p, real, *[ctypes.c_void_p] * 3]
         self._call("defaults", self.parameters, self.inputs)
 
     def _struct(self, header: str, kind: str, real: Any) -> Any:
-        found = re.search(rf"typedef struct {self._name}_{kind} {{(.*?)}}", header, re.DOTALL)
-        assert found is not None
-        fields = re.findall(r"_real (\w+);", found[1])
+        match = re.search(rf"typedef struct {self._name}_{kind} {{(.*?)}}", header, re.DOTALL)
+        assert match is not None
+        fields = re.findall(r"_real (\w+);", match[1])
         return type(kind, (ctypes.Structure,), {"_fields_": [(field, real) for field in fields]})()
 
     def _call(self, function: str, *arguments: Any) -> Any:
@@ -50,11 +50,11 @@ class Code:
         """Start at a time in s. Return the error message, if any."""
         call = getattr(self.library, f"{self._name}_start")
         structures = (ctypes.byref(x) for x in (self.parameters, self.inputs, self.outputs))
-        wrong = call(ctypes.byref(self._memory), time, *structures)
+        wrong = call(ctypes.byref(self._instance), time, *structures)
         return None if wrong is None else wrong.decode()
 
     def step(self) -> bool:
-        return bool(self._call("step", self._memory, self.inputs, self.outputs))
+        return bool(self._call("step", self._instance, self.inputs, self.outputs))
 
     def field(self, signal: str) -> str:
         return next(field for field, name in self.names.items() if name == signal)

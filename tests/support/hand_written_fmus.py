@@ -69,18 +69,18 @@ def compile_library(source: Path, macros: Mapping[str, int | str]) -> bytes:
     target, _ = TARGETS[host_platform()]
     options = ["-target", target, "-shared", *_FLAGS, *_WARNINGS, *defined]
     content = repr([*options, source.name, *sorted(_sources(source).items())])
-    kept = Path(os.environ[VARIABLE], "hand-written", hashlib.sha256(content.encode()).hexdigest())
-    if not kept.exists():
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=kept.parent) as folder:
+    cached = Path(os.environ[VARIABLE], "hand-written", hashlib.sha256(content.encode()).hexdigest())
+    if not cached.exists():
+        cached.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=cached.parent) as folder:
             library = Path(folder, f"{source.stem}{fmpy.sharedLibraryExtension}")
             command = [sys.executable, "-m", "ziglang", "cc", *options, "-I", str(TOYS)]
             command += ["-I", str(files("fmpy").joinpath("c-code")), str(source), "-o", str(library)]
             command += [] if "windows" in target else ["-lm"]
             compiled = subprocess.run(command, capture_output=True, text=True, check=False)
             assert compiled.returncode == 0, compiled.stderr
-            library.replace(kept)
-    return kept.read_bytes()
+            library.replace(cached)
+    return cached.read_bytes()
 
 
 def _sources(source: Path) -> dict[str, bytes]:
@@ -212,7 +212,7 @@ class Fault(IntEnum):
     SEGFAULT_TERMINATE = 20  # fmi2Terminate ends the process with SIGSEGV
     SEGFAULT_FREE = 21  # fmi2FreeInstance ends the process with SIGSEGV
     SEGFAULT_FREE_STATE = 22  # fmi2FreeFMUstate ends the process with SIGSEGV
-    NEGATIVE = 23  # The step that would pass `at` answers -1, which is no status, and is not done
+    NEGATIVE = 23  # The step that would pass `at` answers -1, which is not a status, and is not done
     HUGE_STATE = 24  # fmi2SerializedFMUstateSize answers 2^60 bytes after `at`
     ORPHAN = 25  # The step that would pass `at` ends the process with exit code 3, and leaves a copy
     GARBLE = 26  # The step that passes `at` writes to all open files, but for the first three

@@ -40,9 +40,9 @@ def replayed(
     force = np.array([lagrangian.forces(*state, payload) for state in states])
     columns = {}
     for i, joint in enumerate(JOINTS):
-        columns |= {f"machine.trajectory.{n}[{i + 1}]": x[:, i] for n, x in _named(q_d, v_d, a_d).items()}
-        made = f"machine.plant.x_L[{i + 1}]" if merged else f"{joint}.plant.x_L"
-        columns |= {made: q[:, i], f"{machine}.F_L[{i + 1}]": force[:, i]}
+        columns |= {f"machine.trajectory.{n}[{i + 1}]": x[:, i] for n, x in _by_suffix(q_d, v_d, a_d).items()}
+        stroke = f"machine.plant.x_L[{i + 1}]" if merged else f"{joint}.plant.x_L"
+        columns |= {stroke: q[:, i], f"{machine}.F_L[{i + 1}]": force[:, i]}
     columns = {n: x for n, x in columns.items() if not n.startswith(leave_out)}
     return result_of(time, columns, parameters(p, machine), {machine: {"payload.m": payload}})
 
@@ -51,7 +51,7 @@ def result_of(
     time: np.ndarray,
     columns: Mapping[str, np.ndarray],
     parameters: Mapping[str, float],
-    given: Mapping[str, Mapping[str, float]],
+    start_values: Mapping[str, Mapping[str, float]],
 ) -> Result:
     """A result with these signals and parameters, and components that were given these start values."""
     times = CommunicationPoints(float(time[0]), float(time[1] - time[0]), len(time) - 1)
@@ -75,7 +75,7 @@ def result_of(
         problem=None,
         interrupted=False,
         record={
-            "components": {name: {"parameters": dict(own)} for name, own in given.items()},
+            "components": {name: {"parameters": dict(values)} for name, values in start_values.items()},
             "connections": [],
             "settings": {"output_format": "csv"},
         },
@@ -89,7 +89,7 @@ def parameters(p: Manipulator, machine: str = "machine.manipulator") -> dict[str
     return {f"{machine}.{name}": value for name, value in named_values(p).items()}
 
 
-def _named(x: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, np.ndarray]:
+def _by_suffix(x: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, np.ndarray]:
     return {"x_d": x, "v_d": v, "a_d": a}
 
 

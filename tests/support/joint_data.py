@@ -16,12 +16,14 @@ DRIVES = {name: drive(joint.emla, joint.actuator.i_N) for name, joint in JOINTS.
 
 def gains_of(controller: str, name: str) -> dict[str, Any]:
     """Return a set of gains of a controller by joint."""
-    return {joint: one.gain_set(controller, name).controller for joint, one in JOINTS.items()}
+    return {
+        name_of_joint: data.gain_set(controller, name).controller for name_of_joint, data in JOINTS.items()
+    }
 
 
 def observers(name: str) -> dict[str, ObserverGains]:
     """Return a set of gains of the observer by joint."""
-    return {joint: one.observers[name].gains for joint, one in JOINTS.items()}
+    return {joint: data.observers[name].gains for joint, data in JOINTS.items()}
 
 
 PUBLISHED: dict[str, RsbaGains] = gains_of("rsba", "published")

@@ -82,12 +82,12 @@ def our_run(case: Case, algorithm: str) -> Array:
         return simulated(assembly.network, ALGORITHMS[algorithm](), case.times)[:, columns]
 
 
-def differences(case: Case, found: Array, expected: Array) -> dict[str, float]:
+def differences(case: Case, values: Array, expected: Array) -> dict[str, float]:
     """Largest difference of every signal that is not the same bit for bit, per its largest value."""
-    assert found.shape == expected.shape == (case.steps + 1, len(case.signals))
+    assert values.shape == expected.shape == (case.steps + 1, len(case.signals))
     assert np.isfinite(expected).all()
-    same = (found.view("i8") == expected.view("i8")).all(axis=0)
+    same = (values.view("i8") == expected.view("i8")).all(axis=0)
     largest = np.abs(expected).max(axis=0)
-    relative = np.abs(found - expected).max(axis=0) / np.where(largest > 0.0, largest, 1.0)
+    relative = np.abs(values - expected).max(axis=0) / np.where(largest > 0.0, largest, 1.0)
     names = [f"{c}.{output}" for c, output in case.signals]
     return {n: float(r) for n, r, s in zip(names, relative, same, strict=True) if not s}

@@ -30,14 +30,14 @@ class KnownPredictor:
     def predict(
         self, points: Sequence[np.ndarray], experiments: Sequence[int] | None = None
     ) -> list[dict[int, Any]]:
-        asked = range(len(self.experiments)) if experiments is None else experiments
+        requested = range(len(self.experiments)) if experiments is None else experiments
         modelled = [self.model(self.parameters.values(point)) for point in points]
-        found = [{i: of[i] for i in asked} for of in modelled]
+        predictions = [{i: of[i] for i in requested} for of in modelled]
         self.runs += len(points)
-        for data in (data for one in found for data in one.values()):
+        for data in (data for prediction in predictions for data in prediction.values()):
             if isinstance(data, str):
                 self.failures[data] = self.failures.get(data, 0) + 1
-        return found
+        return predictions
 
 
 def parameter(name: str, low: float, high: float, start: float | None = None) -> Parameter:
@@ -52,7 +52,10 @@ def measured(time: np.ndarray, values: np.ndarray, signal: str = "y") -> Measure
 def contain(estimates: Sequence[Estimate], values: Sequence[float]) -> list[bool]:
     """Whether the interval of each estimate contains its true value."""
     pairs = zip(estimates, values, strict=True)
-    return [one.interval is not None and one.interval[0] <= x <= one.interval[1] for one, x in pairs]
+    return [
+        estimate.interval is not None and estimate.interval[0] <= x <= estimate.interval[1]
+        for estimate, x in pairs
+    ]
 
 
 def problem(
@@ -63,5 +66,5 @@ def problem(
 ) -> Problem:
     """A problem of all experiments."""
     predictor: Any = KnownPredictor(Parameters(parameters), experiments, model)
-    signals = {one.signal: sigma for of in experiments for one in of}
+    signals = {measurement.signal: sigma for of in experiments for measurement in of}
     return Problem(predictor, range(len(experiments)), signals)

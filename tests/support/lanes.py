@@ -16,9 +16,9 @@ def in_lanes(stepping: FixedSteps, seed: int = 1, count: int = 3) -> FixedSteps:
     lanes, through = [list[int]() for _ in range(count)], set[int]()
     while len(through) < len(work):
         possible = [p for p, t in enumerate(work) if p not in through and through.issuperset(t.after)]
-        place = chance.choice(possible)
-        through.add(place)
-        lanes[lane_of[work[place].instances[0]]].append(place)
+        position = chance.choice(possible)
+        through.add(position)
+        lanes[lane_of[work[position].instances[0]]].append(position)
     loop.share_out(lanes)
     assert loop.threads == count
     return stepping

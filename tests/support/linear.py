@@ -30,7 +30,7 @@ class LinearSlave(FakeSlave):
         self.A = np.array(A, dtype=float).reshape(n, n)
         self.B = np.array(B, dtype=float).reshape(n, inputs)
         self.C = np.array(C, dtype=float).reshape(outputs, n)
-        super().__init__(name, inputs, self.x_0, self._moved, lambda u, x: self.C @ x + self.D @ u)
+        super().__init__(name, inputs, self.x_0, self._advance_exactly, lambda u, x: self.C @ x + self.D @ u)
         self.slopes = np.zeros(inputs)
         self.steps = 0
         self._responses: dict[float, np.ndarray] = {}
@@ -44,11 +44,11 @@ class LinearSlave(FakeSlave):
             self._responses[step] = expm(joint * step)[:n]
         return self._responses[step]
 
-    def _moved(self, u: np.ndarray, x: np.ndarray, time: float, step: float) -> np.ndarray:
-        moved = self.response(step) @ np.concatenate([x, u, self.slopes])
+    def _advance_exactly(self, u: np.ndarray, x: np.ndarray, time: float, step: float) -> np.ndarray:
+        new_state = self.response(step) @ np.concatenate([x, u, self.slopes])
         self.held += step * self.slopes
         self.steps += 1
-        return moved
+        return new_state
 
     def set_inputs(self) -> None:
         super().set_inputs()
@@ -68,8 +68,8 @@ class LinearSlave(FakeSlave):
 def connected(slaves: Sequence[LinearSlave], wires: Sequence[Wire]) -> Network:
     """The slaves wired together; an input is direct where a connected output shows it at once."""
     used = [sorted({w[1] for w in wires if w[0] == i}) for i in range(len(slaves))]
-    shown = [tuple(k for k in used[target] if slaves[target].D[k, i]) for _, _, target, i in wires]
-    links = [Link(*wire, bool(k), bool(k), through=k) for wire, k in zip(wires, shown, strict=True)]
+    feedthrough = [tuple(k for k in used[target] if slaves[target].D[k, i]) for _, _, target, i in wires]
+    links = [Link(*wire, bool(k), bool(k), through=k) for wire, k in zip(wires, feedthrough, strict=True)]
     return Network(slaves, links)
 
 

@@ -72,8 +72,8 @@ class LinearDrive:
         A, B = self._plant()
         plant = A @ plant + B @ late
         now = np.array([entering if opened_at == POSITION else plant[0], plant[2]])
-        decay, held, moving = self._observer()
-        estimate = decay @ estimate + held @ read + moving @ (now - read)
+        decay, held_part, moving_part = self._observer()
+        estimate = decay @ estimate + held_part @ read + moving_part @ (now - read)
         current = entering if opened_at == CURRENT else None
         law = {"rsba": self._rsba, "foc": self._foc, "cac": self._cac}[self.controller]
         voltages, integrals, demanded = law(estimate, plant[2:], integrals, before, current)
@@ -106,8 +106,8 @@ class LinearDrive:
     def _plant(self) -> tuple[Matrix, Matrix]:
         """Return the matrices over a step of held voltages."""
         A, B = self.plant()
-        both = expm(STEP * np.block([[A, B], [np.zeros((2, 6))]]))
-        return both[:4, :4], both[:4, 4:]
+        transition = expm(STEP * np.block([[A, B], [np.zeros((2, 6))]]))
+        return transition[:4, :4], transition[:4, 4:]
 
     def _observer(self) -> tuple[Matrix, Matrix, Matrix]:
         """Return the matrices of the observer over a step whose inputs move on straight lines."""
@@ -140,8 +140,8 @@ class LinearDrive:
         g, (x_hat, v_hat, d_hat) = GAINS["rsba"], estimate
         A_2 = 1.5 * N_P * PHI / self._inertia_of_model
         P_2 = v_hat + g["k_1"] * x_hat
-        known = FRICTION / self._inertia_of_model * v_hat
-        demanded = (-g["k_2"] * P_2 - x_hat + known - d_hat) / A_2
+        friction = FRICTION / self._inertia_of_model * v_hat
+        demanded = (-g["k_2"] * P_2 - x_hat + friction - d_hat) / A_2
         error = currents - np.array([demanded if current is None else current, 0.0])
         holding, rate, decay = self._holding(v_hat, currents), g["omega_u"], np.exp(-g["omega_u"] * STEP)
         modelled = decay * modelled + (1.0 - decay) / rate * ((before - holding) / L + rate * currents)
@@ -152,8 +152,8 @@ class LinearDrive:
     ) -> tuple[Matrix, Matrix, float]:
         g, (x_hat, v_hat, d_hat) = GAINS["foc"], estimate
         A_2 = 1.5 * N_P * PHI / self._inertia_of_model
-        known = FRICTION / self._inertia_of_model * v_hat
-        demanded = (-g["k_v"] * (g["k_p"] * x_hat + v_hat) + known - d_hat) / A_2
+        friction = FRICTION / self._inertia_of_model * v_hat
+        demanded = (-g["k_v"] * (g["k_p"] * x_hat + v_hat) + friction - d_hat) / A_2
         error = np.array([demanded if current is None else current, 0.0]) - currents
         integrals = integrals + STEP * g["w_i"] * g["w_c"] * error
         return L * (g["w_c"] * error + integrals) + self._holding(v_hat, currents), integrals, demanded

@@ -46,7 +46,7 @@ class Case:
     def states(self, count: int, seed: int = 1) -> list[MachineState]:
         """Return random states: strokes within their ends, or poses of the platform."""
         draw = random.Random(seed)
-        found = []
+        states = []
         for _ in range(count):
             strokes = self._strokes(draw)
             passive = [draw.uniform(-2.0, 1.0) for _ in self.mechanism.passive]
@@ -55,8 +55,8 @@ class Case:
             force = [
                 draw.uniform(-5e4, 5e4) if i < len(strokes) else draw.uniform(-300, 300) for i in range(n)
             ]
-            found.append(MachineState(strokes, passive, v, a, force))
-        return found
+            states.append(MachineState(strokes, passive, v, a, force))
+        return states
 
     def dynamics(self, state: MachineState) -> Dynamics:
         """Return the dynamics in a state."""
@@ -71,6 +71,6 @@ class Case:
             ends = ([self.machine.value(x) for x in a.stroke] for a in self.machine.actuators.values())
             return [draw.uniform(low, high) for low, high in ends]
         shift = [draw.uniform(-0.12, 0.12), draw.uniform(-0.12, 0.12), 2.0 + draw.uniform(-0.2, 0.2)]
-        turn = [draw.uniform(-0.1, 0.1) for _ in range(3)]
-        pose = Pose(self.mechanism).with_numbers(dict(enumerate([*shift, *turn])))
+        angles = [draw.uniform(-0.1, 0.1) for _ in range(3)]
+        pose = Pose(self.mechanism).with_numbers(dict(enumerate([*shift, *angles])))
         return [direction(pose, bar).length - bar.length for bar in self.mechanism.bars]

@@ -50,7 +50,7 @@ def machines(draw: Any) -> Manipulator:
     def lengths(low: float, high: float) -> tuple[float, float, float]:
         return tuple(draw(st.floats(low, high)) for _ in range(3))
 
-    angle, place, mass = st.floats(-math.pi, math.pi), st.floats(-1.0, 1.0), st.floats(1.0, 300.0)
+    angle, offset, mass = st.floats(-math.pi, math.pi), st.floats(-1.0, 1.0), st.floats(1.0, 300.0)
     return Manipulator(
         lift_a=draw(st.floats(1.1, 1.2)),
         lift_b=draw(st.floats(0.40, 0.45)),
@@ -64,14 +64,14 @@ def machines(draw: Any) -> Manipulator:
         tilt_epsilon=draw(angle),
         lift_length=draw(st.floats(0.5, 3.0)),
         lift_m=draw(mass),
-        lift_c=draw(place),
+        lift_c=draw(offset),
         lift_J=draw(mass),
         outer_m=draw(mass),
-        outer_c=draw(place),
+        outer_c=draw(offset),
         outer_J=draw(mass),
         reach=draw(st.floats(0.5, 3.0)),
         inner_m=draw(mass),
-        inner_c=draw(place),
+        inner_c=draw(offset),
         inner_J=draw(mass),
         payload_J=draw(st.floats(0.0, 1.0)),
         M_BS=lengths(1.0, 300.0),

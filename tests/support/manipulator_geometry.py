@@ -49,7 +49,6 @@ class Manipulator:
 
 
 HDRM = Manipulator()
-PAYLOAD = 470.0
 
 
 def joint_angles(p: Manipulator, q: Sequence[float]) -> tuple[float, float]:

@@ -25,7 +25,7 @@ CLASSES = {model: model.removeprefix("Emla") for model in MODELS if model not in
 RENAMED = {"model": "known", **{name: f"{name}_terms" for name in ("d_2", "d_3", "d_4")}}
 """Groups of parameters whose FMI name is a keyword of Modelica, or the name of an output as well."""
 
-MOVED = {
+VARIABLES_IN_GROUPS = {
     "d_2.random": "random",
     "supply.sag": "sag",
     "motor.temperature_rise": "temperature_rise",
@@ -60,8 +60,8 @@ def name_in(model: str, fmi_name: str) -> str | None:
         return None
     if fmi_name in LACKING:
         return None
-    if fmi_name in MOVED:
-        return MOVED[fmi_name]
+    if fmi_name in VARIABLES_IN_GROUPS:
+        return VARIABLES_IN_GROUPS[fmi_name]
     if fmi_name.startswith("inverter.") and fmi_name.removeprefix("inverter.").startswith(SAMPLED):
         return None  # everything acts at once there
     group, dot, rest = fmi_name.partition(".")
@@ -96,8 +96,8 @@ def evaluated(content: str, expressions: Sequence[str]) -> list[float]:
     """Values at the start of expressions in a model with this content: declarations, then equations."""
     lines = [f"  Real v{i} = {expression};" for i, expression in enumerate(expressions)]
     source = "\n".join(["model Evaluated", *lines, content, "end Evaluated;"])
-    found = simulated(compiled(source, "Evaluated"), np.array([0.0, 1e-9]), 1e-6)
-    return [float(found[f"v{i}"][0]) for i in range(len(expressions))]
+    values = simulated(compiled(source, "Evaluated"), np.array([0.0, 1e-9]), 1e-6)
+    return [float(values[f"v{i}"][0]) for i in range(len(expressions))]
 
 
 def as_real(scalar: ScalarVariable, name: str) -> str:

@@ -53,12 +53,12 @@ def connect_in_libcosim(case: Case, folder: Path) -> Array:
 def observed(execution: CosimExecution, series: list[tuple[int, int]], step: float, count: int) -> Array:
     observer = CosimObserver.create_time_series()
     assert execution.add_observer(observer)
-    for one in series:
-        assert observer.start_time_series(*one, CosimVariableType.REAL)
+    for variable in series:
+        assert observer.start_time_series(*variable, CosimVariableType.REAL)
     assert execution.step(count + 1)  # one step more, because libcosimpy drops the last sample
     columns = []
-    for one in series:
-        times, _, values = observer.time_series_real_samples(*one, 0, count + 2)
+    for variable in series:
+        times, _, values = observer.time_series_real_samples(*variable, 0, count + 2)
         assert times == [round(k * step * 1e9) for k in range(count + 1)]
         columns.append(values)
     return np.array(columns).T

@@ -56,56 +56,48 @@ class PageError(AssertionError):
 
 @dataclass(frozen=True)
 class Fence:
-    """What stands between two fences; `line` is that of the first fence."""
+    """The block between two fences; `line` is that of the first fence."""
 
     line: int
     language: str
-    what: str
+    info: str
     content: str
 
 
 def fences(text: str) -> Iterator[Fence]:
     """All blocks of a page, in order."""
-    for found in re.finditer(r"^```(.*)\n((?:.*\n)*?)```$", text, re.MULTILINE):
-        language, _, what = found[1].partition(" ")
-        yield Fence(text.count("\n", 0, found.start()) + 1, language, what, found[2])
+    for match in re.finditer(r"^```(.*)\n((?:.*\n)*?)```$", text, re.MULTILINE):
+        language, _, info = match[1].partition(" ")
+        yield Fence(text.count("\n", 0, match.start()) + 1, language, info, match[2])
 
 
 class Reader:
-    """Somebody who does what a page says, one block after the other, in the current folder."""
+    """Does what a page says, one block after the other, in the current folder."""
 
     def __init__(self, page: Path) -> None:
         self.page = page
-        self.kinds: set[str] = set()
-        """What the blocks were that the page has."""
-        self._shown = ""
+        self._output = ""
         self._module = ModuleType("page")
-
-    @property
-    def namespace(self) -> dict[str, object]:
-        """What the page's Python blocks have defined."""
-        return vars(self._module)
 
     def read(self) -> None:
         """Do all of it. Raises PageError for what does not work as shown."""
-        with contextlib.ExitStack() as kept:
+        with contextlib.ExitStack() as stack:
             for registry in _REGISTRIES:
-                kept.enter_context(patch.dict(registry))
+                stack.enter_context(patch.dict(registry))
             sys.modules["page"] = self._module  # alone: what a page imports stays imported
-            kept.callback(sys.modules.pop, "page")
+            stack.callback(sys.modules.pop, "page")
             for fence in fences(self.page.read_text(encoding="utf-8")):
                 self._do(fence)
 
     def _do(self, fence: Fence) -> None:
-        name, _, value = fence.what.partition("=")
-        self.kinds.add(name or fence.language)
+        name, _, value = fence.info.partition("=")
         match fence.language, name:
             case _, "not-run":
                 pass
             case _, "file":
                 Path(value).write_text(fence.content, encoding="utf-8")
             case _, "output":
-                self._check(fence, not (lacking := missing(fence.content, self._shown)), f"{lacking}")
+                self._check(fence, not (lacking := missing(fence.content, self._output)), f"{lacking}")
             case "python", "run":
                 self._expect(fence, _started([sys.executable, "-c", fence.content]), 0)
             case "python", "":
@@ -115,29 +107,29 @@ class Reader:
             case _, "":
                 pass
             case _:
-                self._check(fence, False, f"nobody knows what to do with '{fence.what}'")
+                self._check(fence, False, f"unknown word '{fence.info}'")
 
     def _expect(self, fence: Fence, ended: Ended, expected: int) -> None:
-        code, self._shown = ended
+        code, self._output = ended
         self._check(fence, code == expected, f"ended with {code}")
 
     def _check(self, fence: Fence, holds: bool, otherwise: str) -> None:
         if not holds:
-            raise PageError(f"{self.page.name}, line {fence.line}: {otherwise}\n{self._shown}")
+            raise PageError(f"{self.page.name}, line {fence.line}: {otherwise}\n{self._output}")
 
     def _executed(self, fence: Fence) -> Ended:
         """The block in this process; lines of a traceback are those of the page."""
-        shown = io.StringIO()
+        output = io.StringIO()
         code = compile("\n" * fence.line + fence.content, str(self.page), "exec")
-        with contextlib.redirect_stdout(shown):
-            exec(code, self.namespace)
-        return 0, shown.getvalue()
+        with contextlib.redirect_stdout(output):
+            exec(code, vars(self._module))
+        return 0, output.getvalue()
 
 
 def _started(command: str | list[str]) -> Ended:
     """A command in a process of its own, which finds the programs of this environment."""
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    done = subprocess.run(
+    process = subprocess.run(
         command,
         shell=isinstance(command, str),
         env={**os.environ, "PATH": path},
@@ -146,7 +138,7 @@ def _started(command: str | list[str]) -> Ended:
         stderr=subprocess.STDOUT,
         check=False,
     )
-    return done.returncode, done.stdout
+    return process.returncode, process.stdout
 
 
 def _emla(command: str) -> Ended:
@@ -157,21 +149,21 @@ def _emla(command: str) -> Ended:
 
 def _commanded(content: str) -> Ended:
     """Commands up to the first that fails."""
-    shown, code = "", 0
+    all_output, code = "", 0
     for command in content.splitlines():
         code, output = _emla(command) if command.startswith("emla ") else _started(command)
-        shown += output
+        all_output += output
         if code != 0:
             break
-    return code, shown
+    return code, all_output
 
 
-def missing(expected: str, shown: str) -> list[str]:
+def missing(expected: str, output: str) -> list[str]:
     """Lines that were not shown, or not in this order."""
-    rest = iter(shown.splitlines())
+    rest = iter(output.splitlines())
 
-    def found(line: str) -> bool:
+    def was_shown(line: str) -> bool:
         start = line.removesuffix("...").rstrip()
         return any(x.startswith(start) if line.endswith("...") else x.rstrip() == start for x in rest)
 
-    return [line for line in expected.splitlines() if line != "..." and not found(line)]
+    return [line for line in expected.splitlines() if line != "..." and not was_shown(line)]

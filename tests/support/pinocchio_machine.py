@@ -32,7 +32,7 @@ class PinocchioMachine:
         self._pairs: list[tuple[int, int]] = []
         self._rods: list[int] = []
         self._rod_masses: list[float] = []
-        self._places = self._assembled_places()
+        self._assembled = self._assembled_places()
         self._add_children(GROUND)
         for name, (a, b) in machine.loops.items():
             self._pairs.append((self._frame(f"{name} a", a), self._frame(f"{name} b", b)))
@@ -65,8 +65,8 @@ class PinocchioMachine:
         # scaled, so that constraints are as exact as forces
         size = np.abs(np.diag(M)).max()
         K = np.block([[M / size, J.T], [J, np.zeros((m, m))]])
-        found = np.linalg.lstsq(K, np.concatenate([right / size, -drift]), rcond=1e-14)[0]
-        return found[:n][self.strokes]
+        solution = np.linalg.lstsq(K, np.concatenate([right / size, -drift]), rcond=1e-14)[0]
+        return solution[:n][self.strokes]
 
     def forces(self, strokes: Sequence[float], v: Sequence[float], a: Sequence[float]) -> Vector:
         """Return the forces of the screws for accelerations of the strokes."""
@@ -81,16 +81,16 @@ class PinocchioMachine:
         """Return M, h, J, J' q' and the joints' speeds per speed of strokes."""
         q = self.close(strokes)
         J = self._jacobian(q)
-        chosen = np.eye(self.model.nv)[self.strokes]
+        selection = np.eye(self.model.nv)[self.strokes]
         count = len(self.strokes)
         unit = np.vstack([np.zeros((len(J), count)), np.eye(count)])
-        speed_map = np.linalg.lstsq(np.vstack([J, chosen]), unit, rcond=1e-14)[0]
+        speed_map = np.linalg.lstsq(np.vstack([J, selection]), unit, rcond=1e-14)[0]
         qd = speed_map @ np.asarray(v)
         M = pin.crba(self.model, self.data, q).copy()
         M = np.triu(M) + np.triu(M, 1).T
         h = pin.nonLinearEffects(self.model, self.data, q, qd).copy()
         pin.forwardKinematics(self.model, self.data, q, qd, np.zeros(self.model.nv))
-        drift = self._apart(self._acceleration)
+        drift = self._loop_gap(self._acceleration)
         return M, h, J, drift, speed_map
 
     def _newton(self, q: Vector, strokes: Vector | None) -> Vector:
@@ -98,7 +98,7 @@ class PinocchioMachine:
         for _ in range(60):
             pin.forwardKinematics(self.model, self.data, q)
             pin.updateFramePlacements(self.model, self.data)
-            residual, rows = self._apart(lambda f: self.data.oMf[f].translation), self._jacobian(q)
+            residual, rows = self._loop_gap(lambda f: self.data.oMf[f].translation), self._jacobian(q)
             if strokes is not None:
                 residual = np.concatenate([residual, self._strokes_of(q) - strokes])
                 rows = np.vstack([rows, np.eye(self.model.nv)[self.strokes]])
@@ -111,11 +111,11 @@ class PinocchioMachine:
     def _strokes_of(self, q: Vector) -> Vector:
         return np.array([q[self.model.joints[j].idx_q] for j in self._rods]) - self.lengths
 
-    def _apart(self, what: Any) -> Vector:
+    def _loop_gap(self, placement: Any) -> Vector:
         count = 2 if self.plane else 3
         if not self._pairs:
             return np.zeros(0)
-        return np.concatenate([(what(a) - what(b))[:count] for a, b in self._pairs])
+        return np.concatenate([(placement(a) - placement(b))[:count] for a, b in self._pairs])
 
     def _jacobian(self, q: Vector) -> Vector:
         def of(frame: int) -> Vector:
@@ -166,10 +166,10 @@ class PinocchioMachine:
     def _add_strut(self, name: str, strut: Strut) -> None:
         """Add housing and rod, or a link; z is along it in space, x in the plane."""
         start, at = strut.ends[0].partition(".")[0], self._point(strut.ends[0])
-        R, apart = self._places[name]
+        R, offset = self._assembled[name]
         base = pin.SE3(R, at)
-        turn = pin.JointModelRZ() if self.plane else pin.JointModelUniversal(np.eye(3)[0], np.eye(3)[1])
-        housing = self.model.addJoint(self._joints[start], turn, base, name)
+        hinge = pin.JointModelRZ() if self.plane else pin.JointModelUniversal(np.eye(3)[0], np.eye(3)[1])
+        housing = self.model.addJoint(self._joints[start], hinge, base, name)
         self._joints[name] = housing
         if self.plane:
             self._assembly[housing] = [0.0]
@@ -183,7 +183,7 @@ class PinocchioMachine:
             slide = pin.JointModelPX() if self.plane else pin.JointModelPZ()
             rod = self.model.addJoint(housing, slide, pin.SE3.Identity(), f"{name} rod")
             self._joints[f"{name} rod"] = rod
-            self._assembly[rod] = [apart]
+            self._assembly[rod] = [offset]
             back = -self._number(strut.rod_c) * along
             self._hang(f"{name} rod", share * m, back, self._number(strut.rod_J) * across)
             self._rods.append(rod)
@@ -194,7 +194,7 @@ class PinocchioMachine:
         else:
             self._hang(name, self._number(strut.m), self._number(strut.c) * along, J * across)
             length = getattr(strut, "length", None)
-            far = (apart if length is None else self._number(length)) * along
+            far = (offset if length is None else self._number(length)) * along
             end = self.model.addFrame(
                 pin.Frame(f"{name} end", housing, 0, pin.SE3(np.eye(3), far), pin.FrameType.OP_FRAME)
             )
@@ -202,8 +202,8 @@ class PinocchioMachine:
         self._pending.append((end, strut.ends[1], name))
 
     def _start(self) -> Vector:
-        for end, place, name in self._pending:
-            self._pairs.append((end, self._frame(f"{name} pin", place)))
+        for end, point, name in self._pending:
+            self._pairs.append((end, self._frame(f"{name} pin", point)))
         order = [*self.machine.actuators]
         pairs = sorted(
             zip(self._rods, self._rod_masses, strict=True),
@@ -222,25 +222,25 @@ class PinocchioMachine:
 
     def _assembled_places(self) -> dict[str, tuple[Vector, float]]:
         """Return for each strut the rotation of its axis in its first body, and its length, at assembly."""
-        places: dict[str, Any] = {GROUND: pin.SE3.Identity()}
+        placements: dict[str, Any] = {GROUND: pin.SE3.Identity()}
         for name, body in self.machine.bodies.items():
             joint = body.joint
             at = pin.SE3(pin.rpy.rpyToMatrix(*joint.rotation), self._point(f"{joint.parent}.{joint.at}"))
-            places[name] = places[joint.parent] * at * self._moved(name)
-        found = {}
+            placements[name] = placements[joint.parent] * at * self._placement_of(name)
+        values = {}
         for name, strut in self.machine.struts():
-            a, b = (places[p.partition(".")[0]].act(self._point(p)) for p in strut.ends)
-            direction = places[strut.ends[0].partition(".")[0]].rotation.T @ (b - a)
+            a, b = (placements[p.partition(".")[0]].act(self._point(p)) for p in strut.ends)
+            direction = placements[strut.ends[0].partition(".")[0]].rotation.T @ (b - a)
             length = float(np.linalg.norm(direction))
             u = direction / length
             if self.plane:
                 R = np.array([[u[0], -u[1], 0.0], [u[1], u[0], 0.0], [0.0, 0.0, 1.0]])
             else:
                 R = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), u).matrix()
-            found[name] = R, length
-        return found
+            values[name] = R, length
+        return values
 
-    def _moved(self, name: str) -> Any:
+    def _placement_of(self, name: str) -> Any:
         """Return the placement of a body at its joint's assembly coordinates."""
         joint = self.machine.bodies[name].joint
         values = list(joint.assembly) or [0.0] * 6
@@ -260,13 +260,13 @@ class PinocchioMachine:
             inertia = pin.Inertia(m, np.asarray(at), J)
             self.model.appendBodyToJoint(self._joints[name], inertia, pin.SE3.Identity())
 
-    def _frame(self, name: str, place: str) -> int:
-        joint = self._joints[place.partition(".")[0]]
-        at = pin.SE3(np.eye(3), self._point(place))
+    def _frame(self, name: str, point: str) -> int:
+        joint = self._joints[point.partition(".")[0]]
+        at = pin.SE3(np.eye(3), self._point(point))
         return self.model.addFrame(pin.Frame(name, joint, 0, at, pin.FrameType.OP_FRAME))
 
-    def _point(self, place: str) -> Vector:
-        body, _, name = place.partition(".")
+    def _point(self, name_of_point: str) -> Vector:
+        body, _, name = name_of_point.partition(".")
         if not name:
             return np.zeros(3)
         point = self.machine.points(body)[name]

@@ -15,7 +15,7 @@ from emla_cosim.master.stepping.stepping_base import RowSink, Stepping
 from tests.support.plain_stepper import PlainStepper
 from tests.support.step_control import StepControl
 
-ONCE, DIVERGENCE, ROUNDING_ERROR, CHATTERING = 0.1, 0.1, 1e-12, 10
+INSTANT_FRACTION, DIVERGENCE, ROUNDING_ERROR, CHATTERING = 0.1, 0.1, 1e-12, 10
 
 
 class PlainErrorControl(ErrorControl):
@@ -83,15 +83,17 @@ class PlainErrorControl(ErrorControl):
             self.rules["jump"] += int(jumps.any())
         chatters = is_unread & (self.jumped[:count] >= CHATTERING)
         self.rules["chatter"] += int(chatters.any())
-        judged = np.where(jumps | chatters, 0.0, errors)
-        once = max(ONCE * self.tolerance, allowed)
-        usual = float((judged / np.where(is_instant, once, allowed)).max(initial=0.0))
-        brief = judged / np.where(is_instant, DIVERGENCE if control.is_per_unit else once, once)
+        compared = np.where(jumps | chatters, 0.0, errors)
+        instant_limit = max(INSTANT_FRACTION * self.tolerance, allowed)
+        relative = float((compared / np.where(is_instant, instant_limit, allowed)).max(initial=0.0))
+        brief = compared / np.where(
+            is_instant, DIVERGENCE if control.is_per_unit else instant_limit, instant_limit
+        )
         if control.is_per_unit:
             brief[is_unread] = 0.0
-        self.rules["brief"] += int(step <= control.short_limit and usual > 1.0)
+        self.rules["brief"] += int(step <= control.short_limit and relative > 1.0)
         try:
-            is_accepted = self.use(sizes, sizes.judge, step, usual, float(brief.max(initial=0.0)))
+            is_accepted = self.use(sizes, sizes.judge, step, relative, float(brief.max(initial=0.0)))
         except RunError:
             control.worst, control.end = int(signals["signal"][brief.argmax()]), end
             raise self._make_too_short_error() from None
@@ -104,7 +106,7 @@ class PlainErrorControl(ErrorControl):
             self.coarse[:], control.coarse_time = self.next_coarse, end
         self.jumped[:count] = jumps + np.where(is_unread, self.jumped[:count], 0)
         total, sizes_now = tables.total[:count], self.algorithm.scale.sizes(signals["signal"])
-        total[:] = np.where(is_instant, np.maximum(total, judged * sizes_now), total + judged * sizes_now)
+        total[:] = np.where(is_instant, np.maximum(total, compared * sizes_now), total + compared * sizes_now)
         return True
 
     def sizes(self) -> StepControl:
@@ -140,12 +142,12 @@ class PlainErrorControl(ErrorControl):
             self.algorithm.restored[:] = self.coarse
         self.stepper.step(time, end - time)
         self.next_coarse[:] = self.algorithm.restored
-        whole = signals[which]
+        full_step = signals[which]
         self.start.restore()
         self.stepper.step(time, middle - time)
         self.stepper.step(middle, end - middle)
         with np.errstate(invalid="ignore"):  # infinity minus infinity
-            difference = (signals[which] - whole) / self.control.divisor
+            difference = (signals[which] - full_step) / self.control.divisor
         errors = self.stepper.algorithm.scale.relative(difference, which)
         errors[(controlled["is_unread"] != 0) & ~np.isfinite(errors)] = 0.0
         return errors

@@ -67,8 +67,8 @@ class PlainStepper:
         np.fmax(largest, sizes, out=largest, where=np.isfinite(sizes))
 
     def vector(self, name: str) -> np.ndarray:
-        own = {SIGNALS: self.network.signals, PREVIOUS: self.history.previous}
-        return own[name] if name in own else self.algorithm.stores[name]
+        vectors = {SIGNALS: self.network.signals, PREVIOUS: self.history.previous}
+        return vectors[name] if name in vectors else self.algorithm.stores[name]
 
     def call(self, operation: Operation, begin: float, span: float, end: float) -> None:
         instance = self.network.instances[operation.instance]
@@ -125,19 +125,19 @@ class PlainStepper:
             return
         instance, part = network.instances[i], network.input_parts[i]
         for j, signal in enumerate(network.sources[i]):
-            owner, place = exchange.owners[signal], part.start + j
+            owner, index = exchange.owners[signal], part.start + j
             if exchange.readings[i][j] or mode == Mode.HOLD:
                 value, slope = float(network.signals[signal]), 0.0
                 if exchange.readings[i][j]:
                     value, slope = self.read_known(int(exchange.readings[i][j]), signal, time, length)
                 instance.inputs[j] = network.factors[i][j] * value + network.offsets[i][j]
-                exchange.derivatives[place] = network.factors[i][j] * slope
+                exchange.derivatives[index] = network.factors[i][j] * slope
                 continue
             earlier, then = history.previous[signal], history.before[owner]
             if exchange.rare[i]:
-                if history.last_read_at[place] < then:
-                    earlier, then = history.last_read[place], history.last_read_at[place]
-                history.last_read[place], history.last_read_at[place] = (
+                if history.last_read_at[index] < then:
+                    earlier, then = history.last_read[index], history.last_read_at[index]
+                history.last_read[index], history.last_read_at[index] = (
                     network.signals[signal],
                     history.at[owner],
                 )
@@ -146,22 +146,22 @@ class PlainStepper:
             ahead = time - history.at[owner] + (0.5 * length if mode == Mode.MIDDLE else 0.0)
             value = network.signals[signal] + ahead * slope
             instance.inputs[j] = network.factors[i][j] * value + network.offsets[i][j]
-            exchange.derivatives[place] = network.factors[i][j] * slope
+            exchange.derivatives[index] = network.factors[i][j] * slope
         instance.set_inputs()
         if exchange.has_slopes(i):
             instance.set_input_derivatives(exchange.derivatives[part])
 
-    def read_known(self, known: int, signal: int, time: float, length: float) -> tuple[float, float]:
+    def read_known(self, order: int, signal: int, time: float, length: float) -> tuple[float, float]:
         """Return what an input reads of a known signal, and its slope."""
         owner, history = self.exchange.owners[signal], self.history
         then, span = history.before[owner], history.at[owner] - history.before[owner]
         begin, end, mean = (self.algorithm.stores[f"{x} of step"][signal] for x in ("begin", "end", "mean"))
-        if known == Known.SAMPLE or not span > 0.0:
+        if order == Known.SAMPLE or not span > 0.0:
             return float(self.network.signals[signal]), 0.0
-        if known == Known.BEGIN:
+        if order == Known.BEGIN:
             return float(history.previous[signal]), 0.0
         slope = (end - begin) / span
-        if known == Known.MEAN:
+        if order == Known.MEAN:
             return (begin + (time - then + 0.5 * length) * slope if length < 0.75 * span else mean), 0.0
         return begin + (time - then) * slope, slope
 
@@ -200,8 +200,8 @@ class PlainStepper:
 
     def solve(self, group: CoupledGroup, time: float, length: float, halvings: int = HALVINGS) -> None:
         """Bring a group to the end of a step, in halves if one step fails."""
-        kept = [self.network.signals, self.history.previous, self.history.at, self.history.before]
-        copies = [values.copy() for values in kept]
+        saved = [self.network.signals, self.history.previous, self.history.at, self.history.before]
+        copies = [values.copy() for values in saved]
         if group.is_saved:
             self.save(group)
         try:
@@ -217,7 +217,7 @@ class PlainStepper:
                 self.note_division(self.discarding, middle - time, halvings == HALVINGS)
             for i in group.members:
                 part = self.network.parts[i]
-                for values, copy, where in zip(kept, copies, (part, part, i, i), strict=True):
+                for values, copy, where in zip(saved, copies, (part, part, i, i), strict=True):
                     values[where] = copy[where]
             self.solve(group, time, middle - time, halvings - 1)
             self.solve(group, middle, end - middle, halvings - 1)
@@ -290,8 +290,8 @@ def improve(
         square = _dot(direction, direction)
         if len(basis) == len(sizes) or not square > NOISE * NOISE * largest:
             continue
-        for other in basis:
-            direction = direction - _dot(other, direction) / _dot(other, other) * other
+        for unit in basis:
+            direction = direction - _dot(unit, direction) / _dot(unit, unit) * unit
         rest = _dot(direction, direction)
         if not rest > FILTER * FILTER * square:
             continue
@@ -311,10 +311,10 @@ def _dot(a: np.ndarray, b: np.ndarray) -> float:
 
 def _minus(answer: np.ndarray, jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Return answer - J residual, one term after the other."""
-    found = answer.copy()
+    difference = answer.copy()
     for j, value in enumerate(residual):
-        found = found - jacobian[:, j] * value
-    return found
+        difference = difference - jacobian[:, j] * value
+    return difference
 
 
 def stretch(times: CommunicationPoints, k: int, count: int) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The `emla` command in a process of its own, as a person calls it."""
+"""Programs and the `emla` command in processes of their own."""
 
 import os
 import subprocess
@@ -6,6 +6,20 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+
+def run(
+    *command: object, environment: Mapping[str, str] | None = None, **how: Any
+) -> subprocess.CompletedProcess[str]:
+    """Run a program to its end.
+
+    Args:
+        command: The program and its arguments.
+        environment: More variables.
+        how: More options of subprocess.run; both streams are caught.
+    """
+    options = {"text": True, "capture_output": True, "check": False, "env": os.environ | (environment or {})}
+    return subprocess.run([*map(str, command)], **(options | how))
 
 
 def start(

@@ -18,20 +18,20 @@ Laws = Callable[[Mapping, Numbers, SimpleNamespace, float], tuple[Numbers, Numbe
 
 def table(model: str) -> Values:
     """Return the start values of a README's tables by name; vectors as lists, `start.x` where x starts."""
-    found: Values = {}
+    values_by_name: Values = {}
     for name, start in _ROW.findall(readme(model).read_text(encoding="utf-8")):
         if start.startswith("`"):
-            found[name] = found.get(start.strip("`"), math.nan)
+            values_by_name[name] = values_by_name.get(start.strip("`"), math.nan)
             continue
         if start == "start time":
             continue
         values = [_FIXED[v] if v in _FIXED else float(v) for v in start.replace(" ", "").split(",") if v]
         array, dots, last = name.removesuffix("]").partition("[1..")
         if dots:
-            found[array] = values * int(last) if len(values) == 1 else values
+            values_by_name[array] = values * int(last) if len(values) == 1 else values
         elif values:
-            found[name] = values[0]
-    return found
+            values_by_name[name] = values[0]
+    return values_by_name
 
 
 def clip(value: float, low: float, high: float) -> float:
@@ -46,15 +46,15 @@ def stepped(laws: Laws, p: Mapping, x: Numbers, u: SimpleNamespace, t: float, h:
     def rates(x: Numbers, t: float) -> Numbers:
         return laws(p, x, u, t)[0]
 
-    def moved(x: Numbers, rate: Numbers, by: float) -> Numbers:
+    def advance(x: Numbers, rate: Numbers, by: float) -> Numbers:
         return {name: value + by * rate[name] for name, value in x.items()}
 
     for i in range(count):
         now = t + i * part
         k_1 = rates(x, now)
-        k_2 = rates(moved(x, k_1, part / 2.0), now + part / 2.0)
-        k_3 = rates(moved(x, k_2, part / 2.0), now + part / 2.0)
-        k_4 = rates(moved(x, k_3, part), now + part)
+        k_2 = rates(advance(x, k_1, part / 2.0), now + part / 2.0)
+        k_3 = rates(advance(x, k_2, part / 2.0), now + part / 2.0)
+        k_4 = rates(advance(x, k_3, part), now + part)
         mean = {n: (k_1[n] + 2.0 * k_2[n] + 2.0 * k_3[n] + k_4[n]) / 6.0 for n in x}
-        x = moved(x, mean, part)
+        x = advance(x, mean, part)
     return x

@@ -99,8 +99,8 @@ Result = tuple[Vector, dict[str, float]]
 
 def outputs(u: tuple[float, float], i_q_ref: float, limited: bool, **more: float) -> dict[str, float]:
     """What all have, and more."""
-    shown = {"u_q": u[0], "u_d": u[1], "i_q_ref": i_q_ref, "saturated": limited, **more}
-    return {name: float(value) for name, value in shown.items()}
+    values = {"u_q": u[0], "u_d": u[1], "i_q_ref": i_q_ref, "saturated": limited, **more}
+    return {name: float(value) for name, value in values.items()}
 
 
 @dataclass(frozen=True)
@@ -119,21 +119,21 @@ class Foc:
         x, v, i_q, i_d = at.x
         lim, A_2, g_2 = self.limits, self.limits.known.A[1], self.limits.known.g(at.x)[1]
         v_ref = at.x_d[1] + lim.approach(at, self.k_p, at.x_d[0] - x)[0]
-        own = self.omega_d * (v - s[2])
-        load = own + (at.d_hat if self.compensate else 0.0)
-        wanted = (at.x_d[2] + self.k_v * (v_ref - v) - load - g_2) / A_2
-        i_ref = float(np.clip(wanted, -lim.current(at), lim.current(at)))
+        correction = self.omega_d * (v - s[2])
+        load = correction + (at.d_hat if self.compensate else 0.0)
+        demanded_current = (at.x_d[2] + self.k_v * (v_ref - v) - load - g_2) / A_2
+        i_ref = float(np.clip(demanded_current, -lim.current(at), lim.current(at)))
         error_q, error_d = i_ref - i_q, lim.i_d_ref(at, i_ref) - i_d
-        asked = lim.voltage_for(at, self.w_c * error_q + s[0], self.w_c * error_d + s[1])
-        u = lim.voltage(at, *asked)
+        demanded_voltage = lim.voltage_for(at, self.w_c * error_q + s[0], self.w_c * error_d + s[1])
+        u = lim.voltage(at, *demanded_voltage)
         rates = [
-            self.w_i * (self.w_c * error_q + (u[0] - asked[0]) / lim.known.L_q),
-            self.w_i * (self.w_c * error_d + (u[1] - asked[1]) / lim.known.L_d),
-            A_2 * i_q + g_2 + own if self.omega_d > 0.0 else 0.0,
+            self.w_i * (self.w_c * error_q + (u[0] - demanded_voltage[0]) / lim.known.L_q),
+            self.w_i * (self.w_c * error_d + (u[1] - demanded_voltage[1]) / lim.known.L_d),
+            A_2 * i_q + g_2 + correction if self.omega_d > 0.0 else 0.0,
         ]
         names = dict(zip(("xi_q", "xi_d", "load.z"), s.tolist(), strict=True))
         more = {**names, "v_ref": v_ref, "load.d": load}
-        return np.array(rates), outputs(u, i_ref, i_ref != wanted or u != asked, **more)
+        return np.array(rates), outputs(u, i_ref, i_ref != demanded_current or u != demanded_voltage, **more)
 
 
 CAC_STATES = (
@@ -171,30 +171,30 @@ class Cac:
         a_1 = float(np.clip(lim.approach(at, k[0], -z[0])[0] - push[0], -lim.v_max, lim.v_max))
         load = D[0] + (at.d_hat if self.compensate else 0.0)
         a_2 = (at.x_d[2] + w_rate - k[1] * z[1] - z[0] - g_2 - load - push[1]) / A_2
-        held = float(np.clip(a_2, -lim.current(at), lim.current(at)))
+        limited = float(np.clip(a_2, -lim.current(at), lim.current(at)))
         rate_q = i_rate - (k[2] * z[2] + A_2 * z[1] + push[2]) / known.L_q - D[1]
         rate_d = -(k[3] * z[3] + push[3]) / known.L_d - D[2]
-        asked = lim.voltage_for(at, rate_q, rate_d)
-        u = lim.voltage(at, *asked)
+        demanded_voltage = lim.voltage_for(at, rate_q, rate_d)
+        u = lim.voltage(at, *demanded_voltage)
 
         o_1, o_2 = self.omega_n
         filters = [
             w_rate,
             o_1**2 * (a_1 - w) - 2.0 * self.damping * o_1 * w_rate,
             i_rate,
-            o_2**2 * (held - i_c) - 2.0 * self.damping * o_2 * i_rate,
+            o_2**2 * (limited - i_c) - 2.0 * self.damping * o_2 * i_rate,
         ]
         compensation = [
             w - a_1 + xi[1] - k[0] * xi[0],
             A_2 * (i_c - a_2 + xi[2]) - xi[0] - k[1] * xi[1],
-            (u[0] - asked[0] - A_2 * xi[1] - k[2] * xi[2]) / known.L_q,
-            (u[1] - asked[1] - k[3] * xi[3]) / known.L_d,
+            (u[0] - demanded_voltage[0] - A_2 * xi[1] - k[2] * xi[2]) / known.L_q,
+            (u[1] - demanded_voltage[1] - k[3] * xi[3]) / known.L_d,
         ]
         adaptation = np.array(self.m) * V[1:] - self.leak * D
         more = {**dict(zip(CAC_STATES, s, strict=True)), **{f"v[{i + 1}]": V[i] for i in range(4)}}
         i_ref = float(np.clip(i_c, -lim.i_max, lim.i_max))
-        shown = outputs(u, i_ref, held != a_2 or u != asked, **more)
-        return np.array([*filters, *compensation, *adaptation]), shown
+        values = outputs(u, i_ref, limited != a_2 or u != demanded_voltage, **more)
+        return np.array([*filters, *compensation, *adaptation]), values
 
 
 @dataclass(frozen=True)
@@ -226,19 +226,21 @@ class Anatc:
         unknown = float(s[:5] @ S + s[5] * h)
 
         g_2 = known.g((x, v, i_q, 0.0))[1]
-        wanted = at.x_d[2] + slope * (at.x_d[1] - v) - g_2 - (at.d_hat if self.compensate else 0.0)
-        asked_i = wanted / known.A[1] - unknown - self.k_2 * omega - known.alpha_RL * z_1
+        demanded_current = at.x_d[2] + slope * (at.x_d[1] - v) - g_2 - (at.d_hat if self.compensate else 0.0)
+        asked_i = demanded_current / known.A[1] - unknown - self.k_2 * omega - known.alpha_RL * z_1
         bound = lim.current(at)
         i_ref = bound * math.tanh(asked_i / bound)
         open_ = 1.0 / math.cosh(min(abs(asked_i / bound), 300.0)) ** 2
-        asked = lim.voltage_for(at, self.w_c * (i_ref - i_q), self.w_c * (lim.i_d_ref(at, i_ref) - i_d))
-        u = lim.voltage(at, *asked)
+        demanded_voltage = lim.voltage_for(
+            at, self.w_c * (i_ref - i_q), self.w_c * (lim.i_d_ref(at, i_ref) - i_d)
+        )
+        u = lim.voltage(at, *demanded_voltage)
 
-        mu = open_ if u == asked else 0.0
+        mu = open_ if u == demanded_voltage else 0.0
         rates = [
             *(self.lambda_1 * (mu * omega * S - self.ell[0] * sigma * s[:5])),
             self.lambda_2 * (mu * omega * h - self.ell[1] * sigma * s[5]),
         ]
         more = {**{f"W[{i + 1}]": s[i] for i in range(5)}, "delta": s[5]}
         more |= {"z[1]": z_1, "z[2]": z_2, "unknown": unknown}
-        return np.array(rates), outputs(u, i_ref, open_ < 0.5 or u != asked, **more)
+        return np.array(rates), outputs(u, i_ref, open_ < 0.5 or u != demanded_voltage, **more)

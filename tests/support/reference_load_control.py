@@ -32,8 +32,8 @@ class Linear:
         """The matrix by which state, inputs and their slopes give the state h s later, on lines."""
         n, m = self.B.shape
         line = np.block([[np.zeros((m, m)), np.eye(m)], [np.zeros((m, 2 * m))]])
-        whole = np.block([[self.A, self.B, np.zeros((n, m))], [np.zeros((2 * m, n)), line]])
-        return expm(whole * h)[:n]
+        augmented = np.block([[self.A, self.B, np.zeros((n, m))], [np.zeros((2 * m, n)), line]])
+        return expm(augmented * h)[:n]
 
     def outputs(self, x: Vector, u: Sequence[float]) -> list[float]:
         """The output and its first two derivatives, for one input and its derivatives."""
@@ -109,9 +109,9 @@ class Command:
     def filters(self) -> dict[str, Linear]:
         """From the wanted position: to the shaped one, and to each lag by its FMI name."""
         (f_1, zeta_1), (f_2, zeta_2) = self.notches
-        first, one = notch(f_1, zeta_1), Polynomial([1.0])
-        lags = {f"notch.p[{j}]": filtered(one, j, f_1) for j in (1, 2, 3, 4)}
-        lags |= {f"notch.p[{4 + j}]": in_series(first, filtered(one, j, f_2)) for j in (1, 2, 3, 4)}
+        first, second = notch(f_1, zeta_1), Polynomial([1.0])
+        lags = {f"notch.p[{j}]": filtered(second, j, f_1) for j in (1, 2, 3, 4)}
+        lags |= {f"notch.p[{4 + j}]": in_series(first, filtered(second, j, f_2)) for j in (1, 2, 3, 4)}
         return {"x_s": in_series(first, notch(f_2, zeta_2)), **lags}
 
     def duration(self, gap: float) -> float:
@@ -125,16 +125,16 @@ class Command:
         T, direction = self.duration(gap), -math.copysign(1.0, gap)
         x = x_s + gap * (1.0 - float(STEP(r)))
         needed = abs(gap) * float(STEP.deriv()(r)) / T
-        left = self.v_max - direction * v_s
-        if needed == 0.0 or left <= 0.0:
+        remaining = self.v_max - direction * v_s
+        if needed == 0.0 or remaining <= 0.0:
             waits = needed > 0.0
             return [x, v_s, a_s if waits or gap == 0.0 else a_s - gap * float(STEP.deriv(2)(r)) / T**2], (
                 0.0 if waits else 1.0 / T
             )
-        speed = (needed**-4 + left**-4) ** -0.25
+        speed = (needed**-4 + remaining**-4) ** -0.25
         share = speed / needed
         slopes = abs(gap) * float(STEP.deriv(2)(r)) / T * share / T, -direction * a_s
-        slope = speed**5 * (slopes[0] / needed**5 + slopes[1] / left**5)
+        slope = speed**5 * (slopes[0] / needed**5 + slopes[1] / remaining**5)
         return [x, v_s + direction * speed, a_s + direction * slope], share / T
 
     def run(self, inputs: Sequence[Row], h: float) -> list[Row]:
@@ -218,6 +218,6 @@ class Observer:
             y, x_1, v_1 = now
             acceleration = (load.k * (x_1 - x[0]) + load.c * (v_1 - x[1])) / load.m + x[2]
             estimates = {"travel": x[0], "v_hat": x[1], "f_hat": x[2], "x_hat": first["y"] + x[0]}
-            others = {"a_hat": acceleration, "F_0": force, "y_bar": y - x[0]}
-            rows.append({name: float(value) for name, value in (estimates | others).items()})
+            further = {"a_hat": acceleration, "F_0": force, "y_bar": y - x[0]}
+            rows.append({name: float(value) for name, value in (estimates | further).items()})
         return rows

@@ -78,7 +78,7 @@ class Lagrangian:
         tubes = [p.tube_share * m for m in p.M_BS]
         housings = [m - tube + motor for m, tube, motor in zip(p.M_BS, tubes, p.motor_m, strict=True)]
         along = _direction(boom)
-        found = [
+        bodies = [
             Body(p.lift_m, p.lift_c * _direction(lift), lift, p.lift_J),
             Body(p.outer_m, O_2 + p.outer_c * along, boom, p.outer_J),
             Body(p.inner_m, tip - p.inner_c * along, boom, p.inner_J),
@@ -93,9 +93,9 @@ class Lagrangian:
         )
         for i, (A, B) in enumerate(zip(fixed_pins, boom_pins, strict=True)):
             angle = ca.atan2(B[1] - A[1], B[0] - A[0])
-            found.append(Body(housings[i], A + p.housing_c[i] * _direction(angle), angle, p.housing_J[i]))
-            found.append(Body(tubes[i], B - p.tube_c[i] * _direction(angle), angle, p.tube_J[i]))
-        return found, tip
+            bodies.append(Body(housings[i], A + p.housing_c[i] * _direction(angle), angle, p.housing_J[i]))
+            bodies.append(Body(tubes[i], B - p.tube_c[i] * _direction(angle), angle, p.tube_J[i]))
+        return bodies, tip
 
 
 def _kinetic(body: Body, q: ca.SX, v: ca.SX) -> ca.SX:

@@ -131,8 +131,8 @@ def motor_voltage(p: Actuator, x: Vector, u: PlantInputs) -> tuple[float, float,
     u_q, u_d, saturated = shortened(u.u_q, u.u_d, available)
     if p.drive.dead_time is None:
         return u_q, u_d, saturated
-    lost = [p.drive.dead_time.lost(i, math.sqrt(3.0) * available) for i in phase_currents(p, x)]
-    e_d, e_q, _ = (2.0 * park(p, float(x[0])) / 3.0) @ lost
+    losses = [p.drive.dead_time.lost(i, math.sqrt(3.0) * available) for i in phase_currents(p, x)]
+    e_d, e_q, _ = (2.0 * park(p, float(x[0])) / 3.0) @ losses
     return u_q + float(e_q), u_d + float(e_d), saturated
 
 
@@ -207,8 +207,8 @@ def plant_outputs(p: Actuator, x: Vector, u: PlantInputs) -> dict[str, float]:
 def compliant_rates(p: Actuator, t: Transmission, x: Vector, u: PlantInputs, rise: float = 0.0) -> Vector:
     """x = (x_L, v_L, i_q, i_d, deflection, speed of the load): the transmission loads the screw."""
     force = t.force(float(x[4]), float(x[1] - x[5]))
-    own = plant_rates(p, x[:4], replace(u, F_L=force), rise)
-    return np.array([*own, x[1] - x[5], (force - u.F_L) / t.m])
+    motor_rates = plant_rates(p, x[:4], replace(u, F_L=force), rise)
+    return np.array([*motor_rates, x[1] - x[5], (force - u.F_L) / t.m])
 
 
 def compliant_outputs(p: Actuator, t: Transmission, x: Vector, u: PlantInputs) -> dict[str, float]:
@@ -312,8 +312,8 @@ def observer_rates(o: Observer, t: float, s: Vector, y: float, i_q_ref: float, i
     x_hat, v_hat, d_hat, eta_hat, r_hat = s
     y_bar = y - x_hat
     model = o.A_2 * (i_q if o.measures_current else i_q_ref) - o.friction * v_hat if o.knows_command else 0.0
-    known = np.array([v_hat, model + (d_hat - r_hat * o.ahead)])
-    x_hat_rate = known + np.array(o.alpha) * y_bar + o.p_inverse_C * observer_f(o, t, s, y)
+    modelled = np.array([v_hat, model + (d_hat - r_hat * o.ahead)])
+    x_hat_rate = modelled + np.array(o.alpha) * y_bar + o.p_inverse_C * observer_f(o, t, s, y)
     eta_hat_rate = -o.m(t) * o.ell * eta_hat + o.ell * o.H(y) * abs(y_bar)
     r_hat_rate = o.omega_r * o.omega_d * o.alpha[1] * y_bar
     d_hat_rate = r_hat + o.omega_d * o.alpha[1] * y_bar + r_hat_rate * o.ahead
@@ -443,8 +443,8 @@ def control(
 
     P_1 = x[0] - x_d[0]
     most = fastest(c, x_d[1])
-    wanted = min(max(x_d[1] - approach(c, float(gain[0]), P_1), -most), most) - x_d[1]
-    a_1 = wanted - (x_d[1] if c.x_2d_in_a_1 else 0.0)  # (31)
+    demanded = min(max(x_d[1] - approach(c, float(gain[0]), P_1), -most), most) - x_d[1]
+    a_1 = demanded - (x_d[1] if c.x_2d_in_a_1 else 0.0)  # (31)
     P_2 = x[1] - x_d[1] - a_1
     u_2 = W(2, P_2) - P_1 * A[0] / A[1] + (x_d[2] / A[1] if c.feed_acceleration else 0.0)
     i_max = min((1.0 - c.i_reserve) * c.i_max, room_for_i_q(c, float(x[1])) if c.weaken else math.inf)
@@ -506,7 +506,7 @@ QUINTIC_1, QUINTIC_2 = QUINTIC.deriv(1), QUINTIC.deriv(2)
 
 @dataclass(frozen=True)
 class Motion:
-    """Quintic moves from way-point to way-point; `period` 0 is no repetition."""
+    """Quintic moves from way-point to way-point; with `period` 0 they are not repeated."""
 
     waypoints: tuple[float, ...]
     starts: tuple[float, ...]
@@ -621,9 +621,9 @@ def solve(
     atol: float | Sequence[float] = 1e-15,
 ) -> Vector:
     """States at `times` (one row each, the first at times[0] is `start`)."""
-    found = solve_ivp(
+    solution = solve_ivp(
         rates, (times[0], times[-1]), np.asarray(start), method, times, rtol=rtol, atol=np.asarray(atol)
     )
-    if not found.success:
-        raise RuntimeError(found.message)
-    return found.y.T
+    if not solution.success:
+        raise RuntimeError(solution.message)
+    return solution.y.T

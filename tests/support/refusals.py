@@ -12,7 +12,7 @@ from emla_cosim.study.loading import load
 def problem_of(system: Any, *words: str, **options: Any) -> str:
     """Load, prepare and run a system; return the message with which that ends.
 
-    The message is one sentence that contains all words in this order.
+    The message is one line that contains all words in this order.
     """
     path = str(system) if isinstance(system, Path) else system
     with pytest.raises(CommandError) as caught:

@@ -14,8 +14,8 @@ from fmu_verify.verdict import CheckOutcome, Clause, failed, passed, skipped, wa
 
 CLAUSE = Clause("2.1.5", "The function returns a new instance of an FMU.")
 STARTED = "2026-11-22T11:53:17+00:00"
-TAKEN = "document.title='taken'"
-HOSTILE = f'</script><script>{TAKEN}</script><img src=x onerror="{TAKEN}">{{{{7*7}}}}&"\'`'
+ATTACK = "document.title='taken'"
+HOSTILE = f'</script><script>{ATTACK}</script><img src=x onerror="{ATTACK}">{{{{7*7}}}}&"\'`'
 UNSEEN = "bell\x07 nul\x00 escape\x1b[31m next\x85line over\u202eride mark\u200f half\udc80 none\uffff"
 
 
@@ -38,7 +38,7 @@ def comparison(
         away = np.abs(values - reference)
         outside = ~((values >= lower) & (values <= upper))
     worst = int(np.argmax(away))
-    left = float(time[np.argmax(outside)]) if outside.any() else None
+    exit_time = float(time[np.argmax(outside)]) if outside.any() else None
     return Comparison(
         signal,
         unit,
@@ -51,7 +51,7 @@ def comparison(
         tube,
         float(away[worst]),
         float(time[worst]),
-        left,
+        exit_time,
     )
 
 
@@ -94,7 +94,7 @@ def ordinary() -> Report:
 
 def ten() -> Report:
     """Ten FMUs with 60 signals of 500 points in all, and 30 checks each."""
-    one = [
+    fmus = [
         examined(
             f"fmus/Model{k % 5}/{'python/' if k > 4 else ''}Model{k % 5}.fmu",
             [
@@ -107,7 +107,7 @@ def ten() -> Report:
         )
         for k in range(10)
     ]
-    return report(*one)
+    return report(*fmus)
 
 
 def hostile() -> Report:

@@ -11,10 +11,10 @@ from emla_cosim.views.output_folder import OutputFolder
 
 def run_scenario(scenario: Scenario, folder: Path, **options: Any) -> Result:
     """Run a scenario with other options, quietly and without plots."""
-    chosen = scenario.options.updated({"plots": False, **options})
-    output = OutputFolder(folder, chosen.output_format)
+    settings = scenario.options.updated({"plots": False, **options})
+    output = OutputFolder(folder, settings.output_format)
     with output.alone():
         with scenario.prepare(**options) as simulation:
-            recorders = output.recorders(scenario.name, continued=chosen.resume is not None)
+            recorders = output.recorders(scenario.name, continued=settings.resume is not None)
             result = simulation.attempt(recorders=recorders)
-        return output.keep(result, chosen.plots, Progress())[0]
+        return output.keep(result, settings.plots, Progress())[0]

@@ -55,8 +55,8 @@ class Session:
         return [self.variables[n].valueReference for n in names]
 
     def names(self, *causalities: str, fmi_type: str = "Real") -> list[str]:
-        found = self.description.modelVariables
-        return [v.name for v in found if v.causality in causalities and v.type == fmi_type]
+        variables = self.description.modelVariables
+        return [v.name for v in variables if v.causality in causalities and v.type == fmi_type]
 
     @property
     def states(self) -> list[str]:

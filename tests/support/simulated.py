@@ -18,17 +18,17 @@ class Table:
     def __init__(self, width: int, every: int = 1, room: int = 7) -> None:
         self.every = every
         self._block = np.empty((room, width))
-        self._kept: list[np.ndarray] = [np.empty((0, width))]
+        self._blocks: list[np.ndarray] = [np.empty((0, width))]
 
     def room(self, most: int) -> np.ndarray:
         return self._block[:most]
 
     def commit(self, count: int) -> None:
-        self._kept.append(self._block[:count].copy())
+        self._blocks.append(self._block[:count].copy())
 
     @property
     def rows(self) -> np.ndarray:
-        return np.vstack(self._kept)
+        return np.vstack(self._blocks)
 
 
 def begun(network: Network, algorithm: Algorithm, times: CommunicationPoints) -> Algorithm:

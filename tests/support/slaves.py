@@ -166,16 +166,16 @@ def compilable(slave: Fake) -> Fake:
     """
     states: dict[int, Any] = {}
 
-    def done(method: Callable[..., Any], *arguments: Any) -> int:
+    def status(method: Callable[..., Any], *arguments: Any) -> int:
         try:
             method(*arguments)
         except InstanceError as error:
             return _DISCARD if isinstance(error, DiscardedStepError) else _ERROR
         return 0
 
-    def save(component: int, place: Any) -> int:
-        place[0] = place[0] or len(states) + 1
-        states[place[0]] = slave.save()
+    def save(component: int, pointer: Any) -> int:
+        pointer[0] = pointer[0] or len(states) + 1
+        states[pointer[0]] = slave.save()
         return 0
 
     def forget(state: Any) -> None:
@@ -184,16 +184,16 @@ def compilable(slave: Fake) -> Fake:
 
     slave.forget = forget  # type: ignore[method-assign]
     functions = [
-        _SET_OR_GET(lambda component, references, count, values: done(slave.set_inputs)),
-        _SET_OR_GET(lambda component, references, count, values: done(slave.get_outputs)),
-        _STEP(lambda component, time, step, no_way_back: done(slave.do_step, time, step)),
+        _SET_OR_GET(lambda component, references, count, values: status(slave.set_inputs)),
+        _SET_OR_GET(lambda component, references, count, values: status(slave.get_outputs)),
+        _STEP(lambda component, time, step, no_way_back: status(slave.do_step, time, step)),
         _DERIVE(
-            lambda component, references, count, orders, values: done(
+            lambda component, references, count, orders, values: status(
                 slave.set_input_derivatives, np.array(values[:count])
             )
         ),
         _SAVE(save),
-        _RESTORE(lambda component, number: done(slave.restore, states[number])),
+        _RESTORE(lambda component, number: status(slave.restore, states[number])),
     ]
     addresses = [ctypes.cast(function, _POINTER).value or 0 for function in functions]
     inputs, outputs = (np.arange(len(x), dtype=np.uint32) for x in (slave.inputs, slave.outputs))

@@ -53,7 +53,7 @@ STATE_SIGNALS = tuple(f"lift.{_OWNERS.get(state, 'controller')}.{state}" for sta
 
 def lift(gains: str = "robust") -> System:
     """The lift joint as the scenario has it with these gains, in the setting above."""
-    given = {
+    start_values = {
         "plant.motor.L_d": PLANT.L_d,
         "plant.coupling.J_c": PLANT.J_c,
         "plant.gearbox.J_GB": PLANT.J_GB,
@@ -70,9 +70,9 @@ def lift(gains: str = "robust") -> System:
         "observer.v_hat": START["v_hat"],
     }
     if gains == "compensated":  # with its gain of the position, braking begins at a tenth of the distance
-        given["controller.limit.a_max"] = 12.0
+        start_values["controller.limit.a_max"] = 12.0
     system = load("lift", gains=gains).system
-    return system.with_parameters({f"lift.{name}": value for name, value in given.items()})
+    return system.with_parameters({f"lift.{name}": value for name, value in start_values.items()})
 
 
 def joint(system: System) -> paper.Joint:

@@ -45,10 +45,10 @@ NAMESPACES = " ".join(
 _STARTS = {"Real": "0", "Integer": "0", "Boolean": "false", "String": "", "Enumeration": "1"}
 
 
-def attributes(**given: object) -> str:
+def attributes(**values: object) -> str:
     """Attributes of an element; those that are None are left out, `start_time` becomes startTime."""
     texts = []
-    for name, value in given.items():
+    for name, value in values.items():
         if value is not None:
             head, *rest = name.rstrip("_").split("_")
             text = str(value).lower() if isinstance(value, bool) else str(value)
@@ -203,8 +203,8 @@ def _without_head(text: str) -> str:
 def ssv(*, units: Mapping[str, str] = UNITS, version: str = "1.0", **parameters: Any) -> str:
     """A parameter set: values, or a value with its unit or its type."""
     texts = []
-    for name, given in parameters.items():
-        value, *more = given if isinstance(given, tuple) else (given,)
+    for name, entry_of_name in parameters.items():
+        value, *more = entry_of_name if isinstance(entry_of_name, tuple) else (entry_of_name,)
         default = {bool: "Boolean", int: "Integer", float: "Real", str: "String"}[type(value)]
         type_ = next((m for m in more if m in TYPES), default)
         unit = next((m for m in more if m not in TYPES), None)

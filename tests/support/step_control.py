@@ -35,17 +35,19 @@ class StepControl:
         The step after it may stay `short` if `short_error` is that of a step of this length.
         """
         short_error = error if short_error is None else short_error
-        judged = error if step > self.short else short_error
-        if not judged <= 1.0:  # NaN, too
+        compared = error if step > self.short else short_error
+        if not compared <= 1.0:  # NaN, too
             self.rejected += 1
-            finite = judged < float("inf")
-            self._shrink(step, SAFETY * judged ** -(1.0 / self.power) if finite else LARGEST_CUT)
+            finite = compared < float("inf")
+            self._shrink(step, SAFETY * compared ** -(1.0 / self.power) if finite else LARGEST_CUT)
             if step > self.short:
                 self.step = max(self.step, min(SAFETY * step, self.short))
             return False
         error = max(error, 1e-10)
         growth = self._growth(error)
-        if step >= self.step:  # else it was cut to end at a given point: its small error is no trend
+        if (
+            step >= self.step
+        ):  # else it was cut to end at a given point: its small error says nothing about the next step
             exponent = 1.0 / self.power
             growth = SAFETY * error ** (-0.7 * exponent) * self.last_error ** (0.4 * exponent)
             growth = min(LARGEST_GROWTH, max(LARGEST_CUT, growth))

@@ -17,26 +17,26 @@ def swept(
     figures: Mapping[str, Any],
     sampling: str = "random",
     status: Sequence[str] | None = None,
-    **others: Any,
+    **fields_of_result: Any,
 ) -> SweepResult:
     """A result with these columns; all variants are done unless `status` says otherwise."""
     columns = {**factors, **figures}
     count = len(status if status is not None else next(iter(columns.values())))
-    told = ["done"] * count if status is None else list(status)
+    statuses = ["done"] * count if status is None else list(status)
     table = polars.DataFrame(
         {
             "variant": range(count),
             **factors,
-            "status": polars.Series(told, dtype=polars.String),
+            "status": polars.Series(statuses, dtype=polars.String),
             "problem": polars.Series(
-                [None if s == "done" else f"it {s} at 0.3 s." for s in told], dtype=polars.String
+                [None if s == "done" else f"it {s} at 0.3 s." for s in statuses], dtype=polars.String
             ),
             **figures,
         },
         strict=False,
     )
     verdicts = [name for name in figures if name.rpartition(".")[2] == "held"]
-    fields: dict[str, Any] = {"name": "made-up", "seed": 0, "verdicts": verdicts, **others}
+    fields: dict[str, Any] = {"name": "made-up", "seed": 0, "verdicts": verdicts, **fields_of_result}
     return SweepResult(
         sampling=sampling, factors=list(factors), figures=list(figures), variants=table, **fields
     )
@@ -47,10 +47,10 @@ def series(signals: Mapping[str, Signal], times: Sequence[np.ndarray]) -> polars
     return polars.concat(
         polars.DataFrame(
             {
-                "variant": np.full(len(own), i),
-                "time": own,
-                **{name: np.broadcast_to(signal(i, own), own.shape) for name, signal in signals.items()},
+                "variant": np.full(len(time), i),
+                "time": time,
+                **{name: np.broadcast_to(signal(i, time), time.shape) for name, signal in signals.items()},
             }
         )
-        for i, own in enumerate(times)
+        for i, time in enumerate(times)
     ).lazy()

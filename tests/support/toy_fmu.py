@@ -24,10 +24,10 @@ def copy_toy(path: Path, fmi: int = 2, clock: float | None = None) -> Path:
     """Copy the toy's native FMU to this path. One process builds it, for all others and the next run."""
     key = Recipe.of(Toy, "native", PRODUCER, DOCUMENTS, fmi=fmi, clock=clock).key()
     assert key is not None
-    kept = Path(os.environ[VARIABLE], "toys", key, "Toy.fmu")
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    with FileLock(kept.with_suffix(".lock")):
-        if not kept.exists():
-            build_toy("native", kept, fmi, clock)
-    shutil.copyfile(kept, path)
+    cached = Path(os.environ[VARIABLE], "toys", key, "Toy.fmu")
+    cached.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(cached.with_suffix(".lock")):
+        if not cached.exists():
+            build_toy("native", cached, fmi, clock)
+    shutil.copyfile(cached, path)
     return path

@@ -31,6 +31,9 @@ def rigid_load(mass: float) -> Part:
 
 def rigid_solution(mass: float, time: np.ndarray) -> np.ndarray:
     """Displacement of both masses as one: (m_1 + m_2) x'' + c x' + k x = 0."""
-    together = MASS + mass
-    decay, omega = 0.5 * DAMPING / together, np.sqrt(STIFFNESS / together - (0.5 * DAMPING / together) ** 2)
+    total_mass = MASS + mass
+    decay, omega = (
+        0.5 * DAMPING / total_mass,
+        np.sqrt(STIFFNESS / total_mass - (0.5 * DAMPING / total_mass) ** 2),
+    )
     return 0.1 * np.exp(-decay * time) * (np.cos(omega * time) + decay / omega * np.sin(omega * time))

@@ -36,9 +36,9 @@ class BlockUnit:
         )
 
     def exit(self) -> bool:
-        done = self._call(self.instance.exit_initialization)
-        self.messages += self.instance.left_limits() if done else []
-        return done
+        succeeded = self._call(self.instance.exit_initialization)
+        self.messages += self.instance.left_limits() if succeeded else []
+        return succeeded
 
     def set(self, **values: Any) -> bool:
         return all(self._call(self.instance.__setitem__, n, float(v)) for n, v in values.items())
@@ -47,9 +47,9 @@ class BlockUnit:
         return [self.instance[name] for name in names]
 
     def step(self, time: float, step: float) -> bool:
-        done = self._call(self.instance.do_step, time, step)
-        self.messages += self.instance.left_limits() if done else []
-        return done
+        succeeded = self._call(self.instance.do_step, time, step)
+        self.messages += self.instance.left_limits() if succeeded else []
+        return succeeded
 
     def save(self) -> Any:
         return self.instance.get_state()

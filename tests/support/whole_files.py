@@ -20,14 +20,14 @@ def names(folder: Path) -> set[str]:
 def assert_whole(folder: Path, killed: bool = False) -> int:
     """All files of a folder, and of folders in it, are whole; how many there are.
 
-    Files that were not ready are gone, unless nobody was left to remove them.
+    Files that were not ready are gone, unless no process was left to remove them.
     """
     files = [p for p in folder.rglob("*") if p.is_file() and not p.is_symlink()]
-    left = [p for p in files if p.name.startswith(".")]
-    assert killed or not left, left
-    for path in set(files) - set(left):
+    unfinished = [p for p in files if p.name.startswith(".")]
+    assert killed or not unfinished, unfinished
+    for path in set(files) - set(unfinished):
         _assert_whole(path)
-    return len(files) - len(left)
+    return len(files) - len(unfinished)
 
 
 def _assert_whole(path: Path) -> None:

@@ -5,7 +5,7 @@ from tests.support.blocks import emla, hdrm, rsba, toy
 from tests.support.blocks.facts import BlockFacts, Point
 
 FACTS: dict[str, BlockFacts] = {**emla.FACTS, **rsba.FACTS, **hdrm.FACTS, **toy.FACTS}
-"""Facts by the name of the model; also of the toy, which is no model of the library."""
+"""Facts by the name of the model; also of the toy, which the library does not have."""
 
 OWN = [model for model in MODELS if model in FACTS]
 """Models with facts, over which tests parametrise; tests/unit/fmublock/test_block_facts.py demands all."""

@@ -150,8 +150,8 @@ def compliant_axis_points(draw: Draw) -> Point:
 @st.composite
 def motor_points(draw: Draw) -> Point:
     """As the plant, with its motion as inputs."""
-    plant, known = draw(plant_points()), {s.name for s in EmlaMotor.layout().scalars}
-    values = {name: value for name, value in plant.values.items() if name in known}
+    plant, names = draw(plant_points()), {s.name for s in EmlaMotor.layout().scalars}
+    values = {name: value for name, value in plant.values.items() if name in names}
     return Point({**values, "x_L": plant.values["start.x_L"]}, kinks=plant.kinks)
 
 
@@ -225,12 +225,12 @@ def reference_points(draw: Draw) -> Point:
     """A time within a move or a dwell, or some periods later."""
     values: dict[str, Any] = {f"waypoint[{i + 1}]": signed(draw, 0.05, 0.5) for i in range(MOVES + 1)}
     moves, time, end = draw(st.integers(1, MOVES)), None, 0.0
-    chosen, where_in_it = draw(st.integers(1, moves)), draw(st.floats(0.05, 0.95))
+    move, where_in_it = draw(st.integers(1, moves)), draw(st.floats(0.05, 0.95))
     in_a_move = draw(st.booleans())
     for i in range(1, moves + 1):
         start, duration = end + draw(st.floats(0.1, 0.5)), draw(st.floats(0.3, 2.0))
         values |= {f"move.start[{i}]": start, f"move.duration[{i}]": duration}
-        if i == chosen:
+        if i == move:
             dwell = end + where_in_it * (start - end)
             time = start + where_in_it * duration if in_a_move else dwell
         end = start + duration
@@ -351,7 +351,7 @@ LEVER = {
     "interpolation": 2,
 }
 BRAKE = {"brake_torque": 20.0, "brake_damping_ratio": 0.1}
-HELD = VOLTAGES | {"brake.engaged": 1.0, "inverter.disabled": 1.0}
+BRAKED = VOLTAGES | {"brake.engaged": 1.0, "inverter.disabled": 1.0}
 SWINGING = {"brake.engaged": 1.0, "brake.torque": 1e3, "brake.frequency": 5.0}
 """A brake so soft and strong that it never slips."""
 
@@ -410,7 +410,7 @@ FACTS = {
         start=start_values(
             EmlaAxis, TILT, DRIVE, LEVER, BRAKE, {"sigma": 1e-6, "resolution": 1e-7, "F_2": 0.01}
         ),
-        inputs=HELD,
+        inputs=BRAKED,
         smooth={
             **MOVING,
             **SWINGING,
@@ -434,7 +434,7 @@ FACTS = {
             {"sigma": 1e-6, "resolution": 1e-7, "m_load": 1.5e4, "sigma_load": 2e-6, "resolution_load": 1e-7},
             {"stiffness": 7e7, "damping": 4e4, "backlash": 1e-4},
         ),
-        inputs=HELD,
+        inputs=BRAKED,
         smooth={
             **MOVING,
             **SWINGING,

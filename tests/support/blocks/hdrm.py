@@ -17,14 +17,14 @@ def trajectory_points(draw: Draw) -> Point:
     """A time within a span of a spline whose spans are of different length."""
     degree, spans = draw(st.integers(1, DEGREE)), draw(st.integers(1, 20))
     drawn = random.Random(draw(st.integers(0, 1000)))  # a hundred values that need not shrink
-    places = list(accumulate([0.5, *(drawn.uniform(0.3, 2.0) for _ in range(spans))]))
-    knots = [places[0]] * degree + places + [places[-1]] * (KNOTS - degree - len(places))
+    breaks = list(accumulate([0.5, *(drawn.uniform(0.3, 2.0) for _ in range(spans))]))
+    knots = [breaks[0]] * degree + breaks + [breaks[-1]] * (KNOTS - degree - len(breaks))
     k, part = draw(st.integers(0, spans - 1)), draw(st.floats(0.1, 0.9))
     values: dict[str, Any] = {f"knot[{i}]": x for i, x in enumerate(knots, 1)}
     reach = dict.fromkeys(values, 0.1)
     for joint in JOINTS:
         values |= {f"coefficient.{joint}[{i + 1}]": drawn.uniform(0.1, 0.5) for i in range(spans + degree)}
-    time = places[k] + part * (places[k + 1] - places[k])
+    time = breaks[k] + part * (breaks[k + 1] - breaks[k])
     return Point({**values, "degree": degree}, time, reach=reach)
 
 

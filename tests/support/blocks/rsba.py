@@ -43,17 +43,17 @@ def controller_points(draw: Draw) -> Point:
         }
     k = 0.5 * (values["beta[1]"] + values["zeta[1]"] * values["theta[1]"])
     values["limit.a_max"] = abs(P_1) * k**2 / beside(draw, 1.0)
-    found = controller(values, "i_q_ref")
+    signals = controller(values, "i_q_ref")
     values |= {
-        "limit.i_max": abs(found["i_q_ref"]) / beside(draw, 1.0) / (1.0 - values["limit.i_reserve"]),
+        "limit.i_max": abs(signals["i_q_ref"]) / beside(draw, 1.0) / (1.0 - values["limit.i_reserve"]),
         "limit_current": draw(st.booleans()),
     }
-    found = controller(values, "u_q", "u_d", *(f"P[{i}]" for i in range(1, 5)))
-    limit = math.hypot(found["u_q"], found["u_d"]) / beside(draw, 1.0)
+    signals = controller(values, "u_q", "u_d", *(f"P[{i}]" for i in range(1, 5)))
+    limit = math.hypot(signals["u_q"], signals["u_d"]) / beside(draw, 1.0)
     measured = draw(st.booleans())
     values |= {"measure_supply": measured, "limit_voltage": draw(st.booleans())}
     values |= {"limit.u_max": limit * (2.0 if measured else 1.0), "u_available": limit}
-    values["limit.theta_max"] = draw(st.sampled_from(bounds_of_adaptation(values, found)))
+    values["limit.theta_max"] = draw(st.sampled_from(bounds_of_adaptation(values, signals)))
     return Point(values, reach={"x_hat": abs(P_1), "x_d": abs(P_1)})
 
 
@@ -66,12 +66,12 @@ def controller(values: dict[str, Any], *outputs: str) -> dict[str, float]:
     return dict(zip(outputs, instance.get([reference(n) for n in outputs]), strict=True))
 
 
-def bounds_of_adaptation(values: dict[str, Any], found: dict[str, float]) -> list[float]:
+def bounds_of_adaptation(values: dict[str, Any], signals: dict[str, float]) -> list[float]:
     """Return values of theta_max clearly between those at which it starts to limit an adaptation."""
     begins = []
     for i in range(1, 5):
         gain = 0.5 * values[f"zeta[{i}]"] * values[f"delta[{i}]"]
-        growth = gain * found[f"P[{i}]"] ** 2
+        growth = gain * signals[f"P[{i}]"] ** 2
         begins.append(values[f"theta[{i}]"] + values["solver.internal_step"] * growth)
     begins = sorted(begins)
     pairs = [(low, high) for low, high in pairwise(begins) if high > 10.0 * low]
@@ -113,18 +113,18 @@ def drive_points(draw: Draw) -> tuple[dict[str, Any], dict[str, float]]:
 @st.composite
 def foc_points(draw: Draw) -> Point:
     values, reach = drive_points(draw)
-    own = {
+    parameters = {
         **magnitudes(draw, {"k_p": (1.0, 10.0), "w_i": (10.0, 300.0), "k_v": (10.0, 1000.0)}),
         **magnitudes(draw, {"w_c": (100.0, 3000.0), "omega_d": (10.0, 1000.0)}),
         **signs(draw, {"xi_q": (10.0, 1e4), "xi_d": (10.0, 1e4), "load.z": (1e-2, 0.3)}),
     }
-    return Point(values | own, kinks={"omega_d"}, reach=reach)
+    return Point(values | parameters, kinks={"omega_d"}, reach=reach)
 
 
 @st.composite
 def cac_points(draw: Draw) -> Point:
     values, reach = drive_points(draw)
-    own = {
+    parameters = {
         **{f"k[{i}]": magnitude(draw, 0.01, 1e3) for i in range(2, 6)},
         **{f"varpi[{i}]": magnitude(draw, 0.1, 10.0) for i in range(2, 6)},
         **{f"m[{i}]": magnitude(draw, 0.1, 1e3) for i in range(1, 4)},
@@ -137,20 +137,20 @@ def cac_points(draw: Draw) -> Point:
         **signs(draw, {"xi[1]": (1e-4, 1e-2), "filter.w": (1e-3, 0.1), "filter.i_q": (0.1, 100.0)}),
         **signs(draw, {"filter.w_rate": (0.1, 10.0), "filter.i_q_rate": (10.0, 1e4)}),
     }
-    return Point(values | own, reach=reach)
+    return Point(values | parameters, reach=reach)
 
 
 @st.composite
 def anatc_points(draw: Draw) -> Point:
     values, reach = drive_points(draw)
-    own = {
+    parameters = {
         "sigma_min": draw(st.sampled_from([1e-3, 1e3])),
         **{f"W[{i}]": signed(draw, 0.1, 10.0) for i in range(1, 6)},
         **magnitudes(draw, {"b": (0.1, 3.0), "k_1": (1.0, 10.0), "k_2": (0.1, 10.0), "g": (10.0, 300.0)}),
         **magnitudes(draw, {"delta": (0.1, 10.0), "ell[1]": (1e-3, 1.0), "ell[2]": (1e-3, 1.0)}),
         **magnitudes(draw, {"w_c": (100.0, 3000.0), "lambda_1": (0.1, 100.0), "lambda_2": (0.1, 100.0)}),
     }
-    return Point(values | own, draw(st.floats(0.0, 1.0)), reach=reach)
+    return Point(values | parameters, draw(st.floats(0.0, 1.0)), reach=reach)
 
 
 SIGNALS = {"x_hat": 1e-3, "v_hat": 0.05, "d_hat": 1, "i_q": 20, "i_d": 5, "u_available": 400}
