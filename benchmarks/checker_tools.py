@@ -67,10 +67,10 @@ class Answer:
     exit_code: int = 0
     verdict: str = ""
 
-    def __add__(self, other: "Answer") -> "Answer":
+    def __add__(self, further: "Answer") -> "Answer":
         """Return both answers as one."""
-        complaints = [*self.complaints, *other.complaints]
-        return Answer(complaints, self.exit_code or other.exit_code, self.verdict or other.verdict)
+        complaints = [*self.complaints, *further.complaints]
+        return Answer(complaints, self.exit_code or further.exit_code, self.verdict or further.verdict)
 
     def words(self, path: Path) -> dict[str, str]:
         """Return the complaints by what they say without numbers and the name of the FMU."""
@@ -135,18 +135,18 @@ def version_of_jar(path: Path) -> str:
     return match[1] if match else ""
 
 
-def ask(checker: Checker, path: Path, limit: float, known: dict[tuple[str, object], Answer]) -> Answer:
-    """Return what a tool says about an FMU, of each kind that it has; `known` has what tools said before."""
+def ask(checker: Checker, path: Path, limit: float, answers: dict[tuple[str, object], Answer]) -> Answer:
+    """Return what a tool says about an FMU, of each kind that it has; `answers` has earlier answers."""
     text = read_description(path)
     if text and fmi_version(path) not in checker.versions:
         return Answer(verdict=NOT_APPLICABLE)
     key = (checker.name, path if checker.calls else content_of(path))
-    if key not in known:
+    if key not in answers:
         answer = Answer()
         for options in [checker.kinds[kind] for kind in checker.kinds if f"<{kind}" in text] or [()]:
             answer += run(checker, options, path, limit)
-        known[key] = answer
-    return known[key]
+        answers[key] = answer
+    return answers[key]
 
 
 def content_of(path: Path) -> object:

@@ -125,7 +125,7 @@ def _file(text: str) -> Path:
 def examine(
     checkers: Sequence[Checker],
     broken: Sequence[Broken],
-    others: Sequence[Path],
+    further_paths: Sequence[Path],
     folder: Path,
     limit: float,
     jobs: int,
@@ -135,16 +135,16 @@ def examine(
     Args:
         checkers: The tools.
         broken: The FMUs with a fault.
-        others: FMUs whose complaints are counted apart.
+        further_paths: FMUs whose complaints are counted apart.
         folder: Folder for the FMUs.
         limit: Time of a tool for one FMU in s.
         jobs: Number of FMUs at the same time.
     """
     (folder / "good").mkdir()
     origins = build_origins(folder / "good")
-    names = {path: f"{path.stem} {fmi_version(path)}.0" for path in [*origins, *others]}
-    whole = [(Broken(name, "", "", lambda _, path=path: path), Settings()) for path, name in names.items()]
-    by_name = examined_all([*whole, *((b, replace(b.settings, only=(b.check,))) for b in broken)], folder)
+    names = {path: f"{path.stem} {fmi_version(path)}.0" for path in [*origins, *further_paths]}
+    unbroken = [(Broken(name, "", "", lambda _, path=path: path), Settings()) for path, name in names.items()]
+    by_name = examined_all([*unbroken, *((b, replace(b.settings, only=(b.check,))) for b in broken)], folder)
     known: dict[tuple[str, object], Answer] = {}
 
     def ask_all(path: Path) -> list[Answer]:
@@ -159,12 +159,12 @@ def examine(
             row[checker.name] = _cell(answer.verdict or _verdict(answer.complaints), answer.complaints)
         return row
 
-    def row_of_broken(one: Broken) -> dict[str, str]:
-        path = by_name[one.name].path
+    def row_of_broken(broken_fmu: Broken) -> dict[str, str]:
+        path = by_name[broken_fmu.name].path
         origin = nearest(path, origins)
-        row = {"fmu": one.name, "fmi": f"{fmi_version(origin)}", "group": group_of(one.check)}
-        row |= {"check": one.check, "fault": one.what}
-        finding = by_name[one.name][one.check]
+        row = {"fmu": broken_fmu.name, "fmi": f"{fmi_version(origin)}", "group": group_of(broken_fmu.check)}
+        row |= {"check": broken_fmu.check, "fault": broken_fmu.what}
+        finding = by_name[broken_fmu.name][broken_fmu.check]
         is_found = finding.verdict in (Verdict.FAILED, Verdict.WARNING)
         row[OURS] = _cell(FOUND if is_found else NOT_FOUND, [finding.sentence] if is_found else [])
         for checker, answer, of_origin in zip(checkers, ask_all(path), good[origin], strict=True):
@@ -185,8 +185,8 @@ def build_origins(folder: Path) -> list[Path]:
     toys = {"Toy": good_bytes(), "Toy3": good_bytes(3), "Clocked": good_bytes(3, INTERVAL)}
     for name, content in toys.items():
         (folder / f"{name}.fmu").write_bytes(content)
-    others = (build(folder) for build in (build_good_fmu, build_wide_fmu, build_memory_fmu))
-    return [*(folder / f"{name}.fmu" for name in toys), *others]
+    further = (build(folder) for build in (build_good_fmu, build_wide_fmu, build_memory_fmu))
+    return [*(folder / f"{name}.fmu" for name in toys), *further]
 
 
 def nearest(path: Path, origins: Sequence[Path]) -> Path:
@@ -195,11 +195,11 @@ def nearest(path: Path, origins: Sequence[Path]) -> Path:
     def parts(of: Path) -> Counter[str]:
         return Counter(re.findall(r"<\w+|[\w.]+=\"[^\"]*\"", read_description(of)))
 
-    mine = parts(path)
+    own_parts = parts(path)
     shares = {
-        origin: (theirs & mine).total() / (theirs | mine).total()
+        origin: (parts_of_origin & own_parts).total() / (parts_of_origin | own_parts).total()
         for origin in origins
-        if (theirs := parts(origin))
+        if (parts_of_origin := parts(origin))
     }
     return max(shares, key=lambda origin: shares[origin])
 

@@ -27,19 +27,19 @@ def main() -> None:
         for name, clock in CLOCKS.items():
             fmublock.build(MODELS["SignalFault"], Path(folder, f"{name}.fmu"), fmi=3, clock=clock)
         for _ in range(ROUNDS):
-            for name, found in rates.items():
-                found.append(_measure(Path(folder, f"{name}.fmu")))
-    whole = np.median(rates["without a clock"])
+            for name, samples in rates.items():
+                samples.append(_measure(Path(folder, f"{name}.fmu")))
+    reference_rate = np.median(rates["without a clock"])
     print("| Blocks | steps/s | range | ratio |\n|---|---:|---:|---:|")
-    for name, found in rates.items():
-        span = f"{min(found):.0f} - {max(found):.0f}"
-        print(f"| {name} | {np.median(found):.0f} | {span} | {np.median(found) / whole:.3g} |")
+    for name, samples in rates.items():
+        span = f"{min(samples):.0f} - {max(samples):.0f}"
+        print(f"| {name} | {np.median(samples):.0f} | {span} | {np.median(samples) / reference_rate:.3g} |")
 
 
 def _measure(fmu: Path) -> float:
     """Return the steps per second of a run."""
     names = [f"b{i}" for i in range(BLOCKS)]
-    wires = [f"{one}.y -> {other}.u" for one, other in pairwise(names)]
+    wires = [f"{source}.y -> {target}.u" for source, target in pairwise(names)]
     system = System.of(dict.fromkeys(names, fmu), wires)
     with ec.load(system, step_size=STEP, stop_time=STOP_TIME).prepare() as simulation:
         result = simulation.run()

@@ -29,8 +29,8 @@ def main() -> None:
             sweeps[way] = result.stepping.get("sweeps_over_loops", 0) / result.steps
     study = np.median(rates["study, gauss-seidel"])
     print("| | Steps/s | Ratio | Sweeps per step, all loops |\n|---|---|---|---|")
-    for way, found in rates.items():
-        rate = np.median(found)
+    for way, samples in rates.items():
+        rate = np.median(samples)
         print(f"| {way} | {rate:.0f} | {rate / study:.3g} | {sweeps[way]:.2f} |")
 
 

@@ -20,11 +20,11 @@ def python_for(requirement: str) -> Path:
         return Path(sys.executable)
     folder = FOLDER / requirement
     python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
-    done = folder / "installed"
-    if not done.exists():
+    marker = folder / "installed"
+    if not marker.exists():
         _run(sys.executable, "-m", "venv", "--clear", str(folder))
         _run(str(python), *_PIP, requirement)
-        done.touch()
+        marker.touch()
     return python
 
 

@@ -64,9 +64,9 @@ def _measure(studies: dict[int, ec.Simulation]) -> dict[int, np.ndarray]:
         raise BenchmarkError("the study has other results with FMUs for FMI 3.0")
     for i in range(ROUNDS):
         for version in chance.sample(RUNS * VERSIONS, RUNS * len(VERSIONS)):
-            began = time.process_time()
+            start = time.process_time()
             result = studies[version].run(stop_time=STOP_TIME)
-            spent = (time.process_time() - began) / result.steps
+            spent = (time.process_time() - start) / result.steps
             times[version][i] = min(times[version][i], spent)
         print(f"round {i + 1}: {times[2][i] / times[3][i]:.3f}", file=sys.stderr)
     return times

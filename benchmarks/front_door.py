@@ -50,9 +50,9 @@ def _runs() -> list[str]:
     with ec.load("study").prepare() as study:
         beyond, stepping = [], []
         for _ in range(10 * ROUNDS):
-            began = time.perf_counter()
+            start = time.perf_counter()
             result = study.run(stop_time=0.1)
-            beyond.append(time.perf_counter() - began - result.wall_s)
+            beyond.append(time.perf_counter() - start - result.wall_s)
             stepping.append(result.wall_s)
 
     def hundred() -> None:
@@ -68,9 +68,9 @@ def _runs() -> list[str]:
 
 
 def _timed(call: Callable[[], object]) -> float:
-    began = time.perf_counter()
+    start = time.perf_counter()
     call()
-    return time.perf_counter() - began
+    return time.perf_counter() - start
 
 
 if __name__ == "__main__":

@@ -76,7 +76,7 @@ INPUTS = ("u_q", "u_d", "F_L", "d_2", "d_3", "d_4")
 STEP = 1e-4
 """Communication step in s."""
 
-EVERY = 10
+STEPS_PER_ROW = 10
 """Steps from one sample of the measurement to the next."""
 
 BITS = 12
@@ -110,9 +110,9 @@ def draw_machine(joint: str, seed: int) -> Machine:
         "reference.move.start": [0.0, 0.3],
         "reference.move.duration": [0.25, 0.25],
     }
-    own = {f"{joint}.plant.{name}": value for name, value in true.items()}
-    own |= {f"{joint}.{name}": value for name, value in more.items()}
-    run = ec.load(joint, stop_time=STOP, output_interval=STEP, set=own).prepare().run()
+    true_values = {f"{joint}.plant.{name}": value for name, value in true.items()}
+    true_values |= {f"{joint}.{name}": value for name, value in more.items()}
+    run = ec.load(joint, stop_time=STOP, output_interval=STEP, set=true_values).prepare().run()
     sources = {name: "controller" if name in ("u_q", "u_d") else "disturbance" for name in INPUTS}
     driven = {name: run[f"{joint}.{of}.{name}"] for name, of in sources.items()}
     signals = {f"{joint}.plant.{name}": ec.Column(name) for name in INPUTS}
@@ -123,7 +123,7 @@ def draw_machine(joint: str, seed: int) -> Machine:
         "x": resolution * np.round(late_x / resolution),
         "i_q": run[f"{joint}.plant.i_q_measured"],
     }
-    data = {name: column[EVERY::EVERY] for name, column in columns.items()}
+    data = {name: column[STEPS_PER_ROW::STEPS_PER_ROW] for name, column in columns.items()}
     measured = ec.Input(
         data=data, signals={f"{joint}.plant.x_L": ec.Column("x"), f"{joint}.plant.i_q": ec.Column("i_q")}
     )
@@ -137,11 +137,11 @@ class LocalRuns:
         self.count = 0
         self.simulations = [
             Simulation(
-                one.system_with(one.files),
-                dataclasses.replace(one.options, threads=1),
-                one.name,
+                preparation.system_with(preparation.files),
+                dataclasses.replace(preparation.options, threads=1),
+                preparation.name,
             )
-            for one in preparations
+            for preparation in preparations
         ]
 
     def describe(self, group: int) -> SimulationDescription:
@@ -175,9 +175,9 @@ def identify(joint: str, machine: Machine) -> ec.IdentificationResult:
     """Return what is identified of a machine: its plant alone, driven by the recorded inputs."""
     system = ec.load(joint).system
     plant = dataclasses.replace(system, components=[system.component(f"{joint}.plant")], connections=[])
-    known = TESTS[joint].known
-    vary = {f"{joint}.plant.{name}": ends for name, ends in RANGES.items() if name not in known}
-    certain = {f"{joint}.plant.{name}": machine.true[name] for name in known}
+    given_names = TESTS[joint].known
+    vary = {f"{joint}.plant.{name}": ends for name, ends in RANGES.items() if name not in given_names}
+    certain = {f"{joint}.plant.{name}": machine.true[name] for name in given_names}
     with patch.object(Session, "open_runs", open_local_runs):
         return ec.identify(
             plant,
@@ -193,25 +193,25 @@ def identify(joint: str, machine: Machine) -> ec.IdentificationResult:
 def measure(joint: str, seed: int) -> dict[str, Any]:
     """Return what an identification found of a machine, and the truth."""
     machine, begin = draw_machine(joint, seed), time.perf_counter()
-    found = identify(joint, machine)
+    result = identify(joint, machine)
     estimates = [
         {
             "name": name,
             "true": machine.true.get(name),
-            "value": one.value,
-            "error": one.error,
-            "interval": one.interval,
-            "problem": one.problem,
+            "value": estimate.value,
+            "error": estimate.error,
+            "interval": estimate.interval,
+            "problem": estimate.problem,
         }
-        for name, one in zip(list_names(joint), found.estimates, strict=True)
+        for name, estimate in zip(list_names(joint), result.estimates, strict=True)
     ]
     return {
         "joint": joint,
         "seed": seed,
         "estimates": estimates,
-        "white": [one.is_white for one in found.fits],
-        "notes": list(found.notes),
-        "runs": found.runs,
+        "white": [estimate.is_white for estimate in result.fits],
+        "notes": list(result.notes),
+        "runs": result.runs,
         "seconds": time.perf_counter() - begin,
     }
 
@@ -221,16 +221,22 @@ def list_names(joint: str) -> list[str]:
     return [*(name for name in RANGES if name not in TESTS[joint].known), "delay"]
 
 
-def count(joint: str, found: list[dict[str, Any]]) -> list[str]:
+def count(joint: str, results: list[dict[str, Any]]) -> list[str]:
     """Return a line for each parameter: how often its interval contains the truth."""
     lines = list[str]()
     for i, name in enumerate(list_names(joint)):
-        all_ = [one["estimates"][i] for one in found]
-        known = [one for one in all_ if one["interval"] is not None]
-        inside = sum(one["interval"][0] <= one["true"] <= one["interval"][1] for one in known if one["true"])
-        errors = [one["error"] / abs(one["value"]) for one in known]
+        all_ = [result["estimates"][i] for result in results]
+        with_interval = [result for result in all_ if result["interval"] is not None]
+        inside = sum(
+            result["interval"][0] <= result["true"] <= result["interval"][1]
+            for result in with_interval
+            if result["true"]
+        )
+        errors = [result["error"] / abs(result["value"]) for result in with_interval]
         width = f", median standard error {100.0 * float(np.median(errors)):.2g} %" if errors else ""
-        lines.append(f"{name}: {inside} of {len(all_)}, {len(all_) - len(known)} not identified{width}")
+        lines.append(
+            f"{name}: {inside} of {len(all_)}, {len(all_) - len(with_interval)} not identified{width}"
+        )
     return lines
 
 
@@ -241,18 +247,20 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--json", type=Path)
-    asked = parser.parse_args()
-    whole = list[dict[str, Any]]()
-    for joint in asked.joints:
-        found = list[dict[str, Any]]()
-        for seed in range(asked.first, asked.first + asked.seeds):
-            found.append(measure(joint, seed))
-            if asked.json is not None:
-                asked.json.write_text(json.dumps([*whole, *found], indent=1))
-        whole += found
-        runs, seconds = (float(np.median([one[name] for one in found])) for name in ("runs", "seconds"))
-        print(f"{joint}, {len(found)} seeds, medians of {runs:.0f} runs and {seconds:.1f} s")
-        print("\n".join(f"  {line}" for line in count(joint, found)), flush=True)
+    arguments = parser.parse_args()
+    all_results = list[dict[str, Any]]()
+    for joint in arguments.joints:
+        results = list[dict[str, Any]]()
+        for seed in range(arguments.first, arguments.first + arguments.seeds):
+            results.append(measure(joint, seed))
+            if arguments.json is not None:
+                arguments.json.write_text(json.dumps([*all_results, *results], indent=1))
+        all_results += results
+        runs, seconds = (
+            float(np.median([result[name] for result in results])) for name in ("runs", "seconds")
+        )
+        print(f"{joint}, {len(results)} seeds, medians of {runs:.0f} runs and {seconds:.1f} s")
+        print("\n".join(f"  {line}" for line in count(joint, results)), flush=True)
     return 0
 
 

@@ -55,9 +55,9 @@ def measure(duration: float, load: float, seed: int) -> tuple[ec.Input, ec.Input
         "plant.sensor.current.sigma": 0.2,
         "plant.sensor.current.seed": seed,
     }
-    own = {f"prototype.plant.{name}": value for name, value in TRUE.items()}
-    own |= {f"prototype.{name}": value for name, value in more.items()}
-    run = ec.load("prototype", stop_time=STOP, output_interval=STEP, set=own).prepare().run()
+    true_values = {f"prototype.plant.{name}": value for name, value in TRUE.items()}
+    true_values |= {f"prototype.{name}": value for name, value in more.items()}
+    run = ec.load("prototype", stop_time=STOP, output_interval=STEP, set=true_values).prepare().run()
     sources = {name: "controller" if name in ("u_q", "u_d") else "disturbance" for name in INPUTS}
     driven = {name: run[f"prototype.{of}.{name}"] for name, of in sources.items()}
     signals = {f"prototype.plant.{name}": ec.Column(name) for name in INPUTS}
@@ -75,28 +75,30 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--rounds", type=int, default=3)
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     system = ec.load("prototype").system
     plant = dataclasses.replace(system, components=[system.component("prototype.plant")], connections=[])
     experiments = list[ec.Experiment]()
     for seed, (name, (duration, load)) in enumerate(EXPERIMENTS.items(), start=1):
         inputs, measured = measure(duration, load, seed)
         experiments.append(ec.Experiment(name, [measured], {"input": [inputs]}))
-    taken: dict[int, list[float]] = {workers: [] for workers in asked.workers}
+    seconds_by_workers: dict[int, list[float]] = {workers: [] for workers in arguments.workers}
     options: dict[str, Any] = {"step_size": STEP, "algorithm": "jacobi"}
     options["set"] = {"prototype.plant.start.x_L": 0.05}
-    for _ in range(asked.rounds):
-        for workers in asked.workers:
+    for _ in range(arguments.rounds):
+        for workers in arguments.workers:
             begin = time.perf_counter()
-            found = ec.identify(plant, RANGES, experiments=experiments, workers=workers, **options)
-            taken[workers].append(time.perf_counter() - begin)
-            print(f"{workers} workers: {taken[workers][-1]:.1f} s, {found.runs} runs", flush=True)
-    for one in found.estimates:
-        true = TRUE.get(one.name.removeprefix("prototype.plant."), "")
-        print(f"  {one.name}: {one.value:.5g} +- {one.error}, {true}{one.problem or ''}")
-    print("\n".join(f"  {note}" for note in found.notes))
-    for workers, times in taken.items():
-        ratio = statistics.median(times) / statistics.median(taken[asked.workers[0]])
+            result = ec.identify(plant, RANGES, experiments=experiments, workers=workers, **options)
+            seconds_by_workers[workers].append(time.perf_counter() - begin)
+            print(
+                f"{workers} workers: {seconds_by_workers[workers][-1]:.1f} s, {result.runs} runs", flush=True
+            )
+    for estimate in result.estimates:
+        true = TRUE.get(estimate.name.removeprefix("prototype.plant."), "")
+        print(f"  {estimate.name}: {estimate.value:.5g} +- {estimate.error}, {true}{estimate.problem or ''}")
+    print("\n".join(f"  {note}" for note in result.notes))
+    for workers, times in seconds_by_workers.items():
+        ratio = statistics.median(times) / statistics.median(seconds_by_workers[arguments.workers[0]])
         print(f"{workers} workers: median {statistics.median(times):.1f} s, {ratio:.2f} of the first")
     return 0
 

@@ -25,8 +25,8 @@ def main() -> None:
             result = simulation.run(recorders=[])
             rates[way].append(result.steps / result.wall_s)
     print("| Rows between which | Steps/s | Ratio |\n|---|---|---|")
-    for way, found in rates.items():
-        print(f"| {way} | {np.median(found):.0f} | {np.median(found) / np.median(rates['none']):.3g} |")
+    for way, samples in rates.items():
+        print(f"| {way} | {np.median(samples):.0f} | {np.median(samples) / np.median(rates['none']):.3g} |")
 
 
 if __name__ == "__main__":

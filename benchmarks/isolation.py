@@ -26,10 +26,10 @@ def main() -> None:
             with ec.load("lift").prepare(isolate=isolate) as lift:
                 result = lift.run(stop_time=0.2 if isolate else 2.0)
             rates[way].append(result.steps / result.wall_s)
-    whole = np.median(rates["none"])
+    reference_rate = np.median(rates["none"])
     print("| Isolated | Steps/s | Ratio |\n|---|---|---|")
-    for way, found in rates.items():
-        print(f"| {way} | {np.median(found):.0f} | {np.median(found) / whole:.3g} |")
+    for way, samples in rates.items():
+        print(f"| {way} | {np.median(samples):.0f} | {np.median(samples) / reference_rate:.3g} |")
 
 
 if __name__ == "__main__":

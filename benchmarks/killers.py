@@ -50,7 +50,7 @@ ENDS = ("process", "worker")
 Scheduler = Client | str | None
 
 
-def kill_worker(chosen: Sequence[int]) -> Any:
+def kill_worker(killing_variants: Sequence[int]) -> Any:
     """Return a metric, y at the end (a fiftieth of the number), that ends the worker of these variants."""
 
     def last(result: Any) -> float:
@@ -59,7 +59,7 @@ def kill_worker(chosen: Sequence[int]) -> Any:
         import time
 
         value = float(result["j.bad.y"][-1])
-        if round(50.0 * value) in chosen:
+        if round(50.0 * value) in killing_variants:
             os.kill(os.getppid(), signal.SIGKILL)
             time.sleep(60.0)
         return value
@@ -94,9 +94,9 @@ def count_threads(cluster: Scheduler, expected: int) -> int:
         if not isinstance(client, Client):
             client = stack.enter_context(Client(client, set_as_default=False))
         until = time.monotonic() + 30.0
-        while (found := _threads(client)) != expected and time.monotonic() < until:
+        while (threads_now := _threads(client)) != expected and time.monotonic() < until:
             time.sleep(0.1)
-        return found
+        return threads_now
 
 
 def _threads(client: Any) -> int:
@@ -105,9 +105,9 @@ def _threads(client: Any) -> int:
 
 def sweep_once(cluster: Scheduler, fmu: Path, killers: int, ends: str, draw: random.Random) -> str:
     """Run one sweep; return what is wrong."""
-    chosen = draw.sample(range(VARIANTS), killers)
-    ways = {n: draw.choice(WAYS) for n in chosen}
-    dying = [n for n in chosen if ends == "worker" or ways[n] not in LATE]
+    killing_variants = draw.sample(range(VARIANTS), killers)
+    ways = {n: draw.choice(WAYS) for n in killing_variants}
+    dying = [n for n in killing_variants if ends == "worker" or ways[n] not in LATE]
     at = draw.uniform(0.0, STOP_TIME - 1.5 * STEP_SIZE)
     has_signals = draw.random() < 0.5
     if ends == "process":
@@ -117,7 +117,7 @@ def sweep_once(cluster: Scheduler, fmu: Path, killers: int, ends: str, draw: ran
     result = sweep(
         line_with_a_fault(fmu, Fault.NONE, at, a=0.0),
         {"run": {"of": [varied], "distribution": "values", "values": values}},
-        metrics={"y": kill_worker(chosen if ends == "worker" else [])},
+        metrics={"y": kill_worker(killing_variants if ends == "worker" else [])},
         signals=["j.bad.y"] if has_signals else None,
         scheduler=cluster,
         stop_time=STOP_TIME,
@@ -152,7 +152,7 @@ def main() -> None:
     parser.add_argument("--clusters", nargs="*", choices=CLUSTERS, default=CLUSTERS)
     parser.add_argument("--killers", type=int, nargs="*", default=[1, 3])
     parser.add_argument("--ends", nargs="*", choices=ENDS, default=ENDS[:1])
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     signal.signal(signal.SIGALRM, on_alarm)
     print(
         "| Cluster | Killers | end their | Sweeps | right | s each |\n|---|---|---|---|---|---|", flush=True
@@ -160,32 +160,32 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="killers-") as folder:
         os.environ["EMLA_COSIM_CACHE"] = str(Path(folder, "cache"))
         fmu = build_faulty_fmu(Path(folder))
-        for name in asked.clusters:
-            for killers in asked.killers:
-                for ends in asked.ends if name != "here" else ENDS[:1]:  # the worker is this process
-                    count_right(name, killers, ends, asked, fmu)
+        for name in arguments.clusters:
+            for killers in arguments.killers:
+                for ends in arguments.ends if name != "here" else ENDS[:1]:  # the worker is this process
+                    count_right(name, killers, ends, arguments, fmu)
 
 
-def count_right(name: str, killers: int, ends: str, asked: argparse.Namespace, fmu: Path) -> None:
+def count_right(name: str, killers: int, ends: str, arguments: argparse.Namespace, fmu: Path) -> None:
     """Run the sweeps of one cluster; print its row, and what was wrong."""
-    draw = random.Random(f"{asked.seed} {name} {killers} {ends}")
-    right, wrong, began = 0, list[str](), time.monotonic()
-    with open_cluster(name, asked.workers) as cluster:
-        threads = count_threads(cluster, asked.workers)
-        for number in range(asked.runs):
+    draw = random.Random(f"{arguments.seed} {name} {killers} {ends}")
+    right, wrong, start = 0, list[str](), time.monotonic()
+    with open_cluster(name, arguments.workers) as cluster:
+        threads = count_threads(cluster, arguments.workers)
+        for number in range(arguments.runs):
             signal.alarm(int(LONGEST_S))
             try:
-                found = sweep_once(cluster, fmu, killers, ends, draw)
+                problems = sweep_once(cluster, fmu, killers, ends, draw)
             except Exception as error:
-                found = repr(error)
+                problems = repr(error)
             signal.alarm(0)
-            left = count_threads(cluster, threads)
-            if left != threads:
-                found = f"{found}; {left} of {threads} threads are left"
-            right += not found
-            wrong += [f"{name}, {killers}, {ends}, {number}: {found}"] if found else []
-    each = (time.monotonic() - began) / asked.runs
-    print(f"| {name} | {killers} | {ends} | {asked.runs} | {right} | {each:.1f} |", flush=True)
+            threads_left = count_threads(cluster, threads)
+            if threads_left != threads:
+                problems = f"{problems}; {threads_left} of {threads} threads are left"
+            right += not problems
+            wrong += [f"{name}, {killers}, {ends}, {number}: {problems}"] if problems else []
+    each = (time.monotonic() - start) / arguments.runs
+    print(f"| {name} | {killers} | {ends} | {arguments.runs} | {right} | {each:.1f} |", flush=True)
     for line in wrong:
         print(line, flush=True)
 

@@ -28,15 +28,15 @@ from emla_cosim.fmu.models import MODELS, build
 from tests.support.whole_files import assert_whole, assert_whole_rows
 
 R_S = "lift.plant.motor.R_s=0.1,0.2,0.3"
-SHORT = ("--stop-time", "0.01", "--no-plots", "--output", "out")
+SHORT_RUN = ("--stop-time", "0.01", "--no-plots", "--output", "out")
 
 COMMANDS = {
     "run": ("run", "lift", "--stop-time", "0.5", "--output", "out"),
-    "sweep": ("sweep", "lift", "--vary", R_S, "--signals", "lift.plant.x_L", *SHORT),
-    "compare": ("compare", "lift", "--controllers", "rsba,foc", *SHORT),
+    "sweep": ("sweep", "lift", "--vary", R_S, "--signals", "lift.plant.x_L", *SHORT_RUN),
+    "compare": ("compare", "lift", "--controllers", "rsba,foc", *SHORT_RUN),
     "tune": (
         *("tune", "lift", "--vary", "lift.controller.beta[1]=400:1600", "--evaluations", "3"),
-        *("--training", "1", "--validation", "1", "--objective", "lift.position_error_m", *SHORT),
+        *("--training", "1", "--validation", "1", "--objective", "lift.position_error_m", *SHORT_RUN),
         *("--stop-time", "0.4"),
     ),
     "verify": ("verify", "Reference.fmu", "--only", "run.*", "--json", "v.json", "--html", "v.html"),
@@ -54,7 +54,7 @@ RESULTS = {
 END_S = 10.0
 """Seconds in which the processes of a killed command must end."""
 
-EVERY = 5
+KILLS_PER_REPEAT = 5
 """One in so many killed commands is repeated until it ends; after the others a short command cleans up."""
 
 SHARED = Path("/dev/shm")
@@ -62,7 +62,7 @@ VARIABLE = "EMLA_KILLED"
 
 
 @dataclass
-class Place:
+class WorkingFolder:
     """A folder in which one command runs."""
 
     folder: Path
@@ -91,22 +91,22 @@ class Place:
 
     def processes(self) -> list[psutil.Process]:
         """Return the processes of this folder's commands."""
-        found = []
+        processes = []
         for process in psutil.process_iter():
             try:
                 if process.environ().get(VARIABLE) == self.mark and process.status() != psutil.STATUS_ZOMBIE:
-                    found.append(process)
+                    processes.append(process)
             except psutil.Error:
                 continue
-        return found
+        return processes
 
     def hidden(self) -> list[str]:
         """Return the hidden files that no complete command leaves."""
         return [
             p.name
-            for place in (self.folder, self.folder / "out", self.folder / "out/parts", self.folder / "built")
-            if place.is_dir()
-            for p in place.iterdir()
+            for folder in (self.folder, self.folder / "out", self.folder / "out/parts", self.folder / "built")
+            if folder.is_dir()
+            for p in folder.iterdir()
             if p.name.startswith(".") and p.name != ".mine.txt"
         ]
 
@@ -115,40 +115,42 @@ class Place:
         return [p.name for p in (self.folder / "temporary").iterdir()]
 
 
-def kill_once(name: str, place: Place, moment: float, repeat: bool) -> list[str]:
+def kill_once(name: str, working_folder: WorkingFolder, moment: float, repeat: bool) -> list[str]:
     """Kill a command, look at what it leaves, and let the next command clean up; return what is wrong."""
     wrong, shared = list[str](), list_shared()
-    process = place.start(COMMANDS[name])
+    process = working_folder.start(COMMANDS[name])
     try:
         process.wait(moment)
     except subprocess.TimeoutExpired:
         process.kill()
-    place.counts["ended before" if process.wait() >= 0 else "killed"] += 1
+    working_folder.counts["ended before" if process.wait() >= 0 else "killed"] += 1
     until = time.monotonic() + END_S
-    while (left := place.processes()) and time.monotonic() < until:
+    while (survivors := working_folder.processes()) and time.monotonic() < until:
         time.sleep(0.05)
-    for one in left:
-        wrong.append(f"process {one.cmdline()[:6]}")
-        one.kill()
+    for survivor in survivors:
+        wrong.append(f"process {survivor.cmdline()[:6]}")
+        survivor.kill()
     try:
-        check_files(place.folder)
+        check_files(working_folder.folder)
     except Exception as error:
         wrong.append(f"file {error}")
-    place.counts["left temporary files"] += bool(place.temporary())
-    place.counts["left hidden files"] += bool(place.hidden())
+    working_folder.counts["left temporary files"] += bool(working_folder.temporary())
+    working_folder.counts["left hidden files"] += bool(working_folder.hidden())
     command = [*COMMANDS[name]] if repeat else ["list"]
-    if repeat and name == "sweep" and (place.folder / "out/sweep.json").exists():
+    if repeat and name == "sweep" and (working_folder.folder / "out/sweep.json").exists():
         command.append("--resume")
-    again = place.start(command)
-    said, _ = again.communicate()
-    if again.returncode:
-        wrong.append(f"next command {again.returncode}: {said.decode(errors='replace').strip()[-300:]}")
-    place.counts["repeated to the end"] += repeat
-    if place.temporary():
-        wrong.append(f"temporary {place.temporary()}")
-    if repeat and place.hidden():
-        wrong.append(f"hidden {place.hidden()}")
-    if (place.folder / "out/.mine.txt").read_text() != "years of work":
+    second_run = working_folder.start(command)
+    output, _ = second_run.communicate()
+    if second_run.returncode:
+        wrong.append(
+            f"next command {second_run.returncode}: {output.decode(errors='replace').strip()[-300:]}"
+        )
+    working_folder.counts["repeated to the end"] += repeat
+    if working_folder.temporary():
+        wrong.append(f"temporary {working_folder.temporary()}")
+    if repeat and working_folder.hidden():
+        wrong.append(f"hidden {working_folder.hidden()}")
+    if (working_folder.folder / "out/.mine.txt").read_text() != "years of work":
         wrong.append("the user's file")
     if new := list_shared() - shared:
         wrong.append(f"shared memory {sorted(new)}")
@@ -193,7 +195,7 @@ def main() -> None:
     parser.add_argument("commands", nargs="*", default=list(COMMANDS))
     parser.add_argument("--kills", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="kills-") as root:
         fmus = Path(root, "fmus")
         for model in MODELS:
@@ -204,36 +206,36 @@ def main() -> None:
             "| Command | Killed at random moments up to | Killed | Left temporary files | Left hidden files |"
         )
         print("|---|---|---|---|---|", flush=True)
-        for name in asked.commands:
-            one_command(name, Path(root), fmus, asked.kills, random.Random(f"{asked.seed} {name}"))
+        for name in arguments.commands:
+            one_command(name, Path(root), fmus, arguments.kills, random.Random(f"{arguments.seed} {name}"))
 
 
 def one_command(name: str, root: Path, fmus: Path, kills: int, draw: random.Random) -> None:
     """Kill one command many times."""
-    whole = Place(root / f"{name}-whole", fmus, f"{os.getpid()} {name} whole")
-    whole.make()
-    began = time.monotonic()
-    process = whole.start(COMMANDS[name])
-    said, _ = process.communicate()
-    assert process.returncode == 0, said.decode()
-    lasts = time.monotonic() - began
+    undisturbed = WorkingFolder(root / f"{name}-whole", fmus, f"{os.getpid()} {name} whole")
+    undisturbed.make()
+    start = time.monotonic()
+    process = undisturbed.start(COMMANDS[name])
+    output, _ = process.communicate()
+    assert process.returncode == 0, output.decode()
+    lasts = time.monotonic() - start
     counts, wrong = Counter[str](), list[str]()
-    place = Place(root / name, fmus, f"{os.getpid()} {name}", counts)
+    working_folder = WorkingFolder(root / name, fmus, f"{os.getpid()} {name}", counts)
     for number in range(kills):
-        if number % EVERY == 0:
-            shutil.rmtree(place.folder, ignore_errors=True)
-            place.make()
+        if number % KILLS_PER_REPEAT == 0:
+            shutil.rmtree(working_folder.folder, ignore_errors=True)
+            working_folder.make()
         moment = draw.uniform(0.0, lasts)
-        repeat = number % EVERY == EVERY - 1
-        found = kill_once(name, place, moment, repeat)
+        repeat = number % KILLS_PER_REPEAT == KILLS_PER_REPEAT - 1
+        problems = kill_once(name, working_folder, moment, repeat)
         if (
             repeat
             and name in RESULTS
-            and not same(place.folder / RESULTS[name], whole.folder / RESULTS[name])
+            and not same(working_folder.folder / RESULTS[name], undisturbed.folder / RESULTS[name])
         ):
-            found.append("another result")
-        wrong += [f"{name} {number} at {moment:.2f} s: {what}" for what in found]
-        print(f"{name} {number} {moment:.2f} s {dict(counts)} {found or ''}", file=sys.stderr, flush=True)
+            problems.append("another result")
+        wrong += [f"{name} {number} at {moment:.2f} s: {problem}" for problem in problems]
+        print(f"{name} {number} {moment:.2f} s {dict(counts)} {problems or ''}", file=sys.stderr, flush=True)
     print(
         f"| `{name}` | {lasts:.1f} s | {counts['killed']} of {kills} | {counts['left temporary files']} "
         f"| {counts['left hidden files']} |",

@@ -55,12 +55,12 @@ Rates = Mapping[str, Mapping[str, float]]
 def main() -> None:
     """Measure and print; with --write also the table in the README, and the picture."""
     with TemporaryDirectory(prefix="emla-benchmark-") as folder:
-        found = {load: _rates(load, Path(folder, load)) for load in LOADS}
-    table = _table(found)
+        rates_by_load = {load: _rates(load, Path(folder, load)) for load in LOADS}
+    table = _table(rates_by_load)
     print(table)
     if "--write" in sys.argv:
         README.write_text(in_readme(README.read_text(encoding="utf-8"), table, "loads"), encoding="utf-8")
-        _draw(found)
+        _draw(rates_by_load)
 
 
 def _rates(load: str, folder: Path) -> dict[str, float]:
@@ -75,12 +75,12 @@ def _rates(load: str, folder: Path) -> dict[str, float]:
     for i in range(ROUNDS):
         for way in chance.sample(list(WAYS), len(WAYS)):
             tool, options = WAYS[way]
-            found = run_once(replace(job, options=dict(options)), tool)
-            if "problem" in found:
-                raise BenchmarkError(f"{way}, {load}: {found['problem']}")
-            times[way].append(found["seconds"] / found["steps"])
-            same = signals.setdefault((tool.clock, str(options.get("algorithm"))), found["signals"])
-            if list(same) != list(found["signals"]):
+            result = run_once(replace(job, options=dict(options)), tool)
+            if "problem" in result:
+                raise BenchmarkError(f"{way}, {load}: {result['problem']}")
+            times[way].append(result["seconds"] / result["steps"])
+            same = signals.setdefault((tool.clock, str(options.get("algorithm"))), result["signals"])
+            if list(same) != list(result["signals"]):
                 raise BenchmarkError(f"{way}, {load}, computes something else than others of its kind.")
             print(f"{load}, round {i + 1}: {way}, {1.0 / times[way][-1]:.0f} steps/s", file=sys.stderr)
     return {way: 1.0 / median(each) for way, each in times.items()}
@@ -91,19 +91,24 @@ def _ratio(rates: Mapping[str, float], way: str) -> float:
     return rates[way] / rates[base]
 
 
-def _table(found: Rates) -> str:
-    cells = (f" {load}, steps/s | ratio |" for load in found)
-    lines = ["| |" + "".join(cells), "|---|" + 2 * len(found) * "---:|"]
+def _table(rates_by_load: Rates) -> str:
+    cells = (f" {load}, steps/s | ratio |" for load in rates_by_load)
+    lines = ["| |" + "".join(cells), "|---|" + 2 * len(rates_by_load) * "---:|"]
     for way in WAYS:
-        rates = (f" {three_digits(found[load][way])} | {_ratio(found[load], way):.2f} |" for load in found)
+        rates = (
+            f" {three_digits(rates_by_load[load][way])} | {_ratio(rates_by_load[load], way):.2f} |"
+            for load in rates_by_load
+        )
         lines.append(f"| {way} |" + "".join(rates))
     return "\n".join(lines)
 
 
-def _draw(found: Rates) -> None:
+def _draw(rates_by_load: Rates) -> None:
     """Ratios to one thread, load by load."""
     figure = Figure(figsize=(9.6, 3.4), dpi=150, layout="constrained")
-    for axes, (load, rates) in zip(figure.subplots(1, len(found), sharey=True), found.items(), strict=True):
+    for axes, (load, rates) in zip(
+        figure.subplots(1, len(rates_by_load), sharey=True), rates_by_load.items(), strict=True
+    ):
         ratios = [_ratio(rates, way) for way in WAYS]
         colors = [OURS if way.startswith("EMLA") else OTHERS for way in WAYS]
         bars = axes.barh(range(len(WAYS)), ratios, color=colors, height=0.65)

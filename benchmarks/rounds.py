@@ -31,7 +31,7 @@ class Result:
 
 
 def measured(
-    job: Job, tools: Sequence[Tool], rounds: int, steps: int, tell: Callable[[str], None]
+    job: Job, tools: Sequence[Tool], rounds: int, steps: int, report: Callable[[str], None]
 ) -> list[Result]:
     """Measure the tools, in another order in each round.
 
@@ -55,18 +55,18 @@ def measured(
             if "problem" in found:
                 result.problem = found["problem"]
                 result.step_times.clear()
-                tell(f"{tool.title}: not measured, {result.problem}")
+                report(f"{tool.title}: not measured, {result.problem}")
                 continue
             check_signals(tool.title, job, found["signals"], expected(tool.clock, count))
             result.version = found.get("version", "")
             result.step_times.append(found["seconds"] / found["steps"])
-            tell(f"round {i + 1}: {tool.title}, {1.0 / result.step_times[-1]:.0f} steps/s")
+            report(f"round {i + 1}: {tool.title}, {1.0 / result.step_times[-1]:.0f} steps/s")
     return results
 
 
-def check_signals(title: str, job: Job, found: Sequence[float], expected: Sequence[float]) -> None:
+def check_signals(title: str, job: Job, signals: Sequence[float], expected: Sequence[float]) -> None:
     """Raise BenchmarkError unless all signals at the end are exactly those of the C loop."""
-    for (c, output), value, right in zip(job.signals, found, expected, strict=True):
+    for (c, output), value, right in zip(job.signals, signals, expected, strict=True):
         if value != right:
             raise BenchmarkError(
                 f"{title} computes something else than the C loop: at the end {c.name}.{output.name} "
@@ -97,5 +97,5 @@ def run_once(job: Job, tool: Tool) -> dict[str, Any]:
         return {"problem": f"it took longer than {TIME_LIMIT} s"}
     if paths[1].exists():
         return json.loads(paths[1].read_text(encoding="utf-8"))
-    said = run.stderr.strip().splitlines() or ["nothing"]
-    return {"problem": f"its process ended with {run.returncode} and said: {said[-1]}"}
+    errors = run.stderr.strip().splitlines() or ["nothing"]
+    return {"problem": f"its process ended with {run.returncode} and said: {errors[-1]}"}

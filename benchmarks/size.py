@@ -40,25 +40,25 @@ def main() -> None:
     """Measure and print; with --write also the table in the README, and the picture."""
     with TemporaryDirectory(prefix="emla-benchmark-") as folder:
         _prepared(min(SIZES), Path(folder)).close()  # builds the FMU, and compiles the loop
-        rounds = [{count: _apart(count, folder) for count in SIZES} for _ in range(ROUNDS)]
-    found = {n: {key: median(r[n][key] for r in rounds) for key in rounds[0][n]} for n in SIZES}
-    table = _table(found)
+        rounds = [{count: _in_process(count, folder) for count in SIZES} for _ in range(ROUNDS)]
+    figures = {n: {key: median(r[n][key] for r in rounds) for key in rounds[0][n]} for n in SIZES}
+    table = _table(figures)
     print(table)
     if "--write" in sys.argv:
         README.write_text(in_readme(README.read_text(encoding="utf-8"), table, "size"), encoding="utf-8")
-        _draw(found)
+        _draw(figures)
 
 
 def measure(count: int, folder: Path) -> Figures:
     """The figures of a ring of so many FMUs, in a process that has prepared a small one before."""
     _prepared(min(SIZES), folder).close()
-    began = time.process_time()
+    start = time.process_time()
     with _prepared(count, folder) as simulation:
-        preparation = time.process_time() - began
+        preparation = time.process_time() - start
         result = simulation.run(recorders=[])
         rate = result.steps * count / result.wall_s
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
-    return {"preparation_s": preparation, "memory_MB": memory, "rate": rate}
+    megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+    return {"preparation_s": preparation, "memory_MB": megabytes, "rate": rate}
 
 
 def _prepared(count: int, folder: Path) -> Simulation:
@@ -66,26 +66,26 @@ def _prepared(count: int, folder: Path) -> Simulation:
     return ec.load(ring(count), fmus=folder, step_size=STEP, stop_time=stop, algorithm="jacobi").prepare()
 
 
-def _apart(count: int, folder: str) -> Figures:
+def _in_process(count: int, folder: str) -> Figures:
     command = [sys.executable, "-m", "benchmarks.size", str(count), folder]
     return json.loads(subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout)
 
 
-def _table(found: Mapping[int, Figures]) -> str:
+def _table(figures_by_count: Mapping[int, Figures]) -> str:
     rows = [
         f"| {n} | {f['preparation_s']:.3f} | {1e3 * f['preparation_s'] / n:.2f} | {f['memory_MB']:.0f} "
         f"| {three_digits(f['rate'] / n)} | {f['rate'] / 1e6:.2f} |"
-        for n, f in found.items()
+        for n, f in figures_by_count.items()
     ]
     head = "| FMUs | Preparation, s of CPU | ms per FMU | Memory, MB | Steps/s | Steps of FMUs, millions/s |"
     return "\n".join([head, "|" + 6 * "---:|", *rows])
 
 
-def _draw(found: Mapping[int, Figures]) -> None:
+def _draw(figures_by_count: Mapping[int, Figures]) -> None:
     """Preparation and rate against the number of FMUs."""
     figure = Figure(figsize=(9.6, 3.6), dpi=150, layout="constrained")
     left, right = figure.subplots(1, 2)
-    preparation = [f["preparation_s"] for f in found.values()]
+    preparation = [f["preparation_s"] for f in figures_by_count.values()]
     left.plot(SIZES, preparation, marker="o", markersize=4, color=COLOR, label="measured")
     proportional = [preparation[-1] * n / SIZES[-1] for n in SIZES]
     left.plot(SIZES, proportional, color=PLAIN, linewidth=0.9, label="in proportion to 1,500")
@@ -93,7 +93,7 @@ def _draw(found: Mapping[int, Figures]) -> None:
     left.set_yticks((0.002, 0.01, 0.05, 0.2, 1.0), ("0.002", "0.01", "0.05", "0.2", "1"))
     left.set_ylabel("preparation / s of CPU", fontsize=9)
     left.legend(fontsize=8, frameon=False)
-    rates = [f["rate"] / 1e6 for f in found.values()]
+    rates = [f["rate"] / 1e6 for f in figures_by_count.values()]
     right.plot(SIZES, rates, marker="o", markersize=4, color=COLOR)
     right.set_ylim(0.0, 1.15 * max(rates))
     right.set_ylabel("steps of FMUs / (millions/s)", fontsize=9)

@@ -13,7 +13,7 @@ from .job import Component, Input, Job, Output, StartValue
 SCENARIO = "study"
 STEP = 1e-4
 """Communication step in s."""
-EVERY = 10
+STEPS_PER_ROW = 10
 """Steps per recorded row."""
 
 
@@ -42,12 +42,12 @@ def study_job(fmus: Path, scratch: Path, values: Mapping[str, float] | None = No
         )
         for c in system.components
     )
-    return Job(components, STEP, 0, EVERY, str(scratch))
+    return Job(components, STEP, 0, STEPS_PER_ROW, str(scratch))
 
 
 def _outputs(file: FmuFile) -> tuple[Output, ...]:
-    found = [v for v in file.variables.values() if v.causality == "output" and v.type == "Real"]
-    return tuple(Output(v.name, v.valueReference) for v in found)
+    variables = [v for v in file.variables.values() if v.causality == "output" and v.type == "Real"]
+    return tuple(Output(v.name, v.valueReference) for v in variables)
 
 
 def _inputs(

@@ -22,14 +22,22 @@ def main() -> None:
     workers = len(os.sched_getaffinity(0))
     rows = []
     for _ in range(ROUNDS):
-        alone, apart = rate_of_one(ALONE), rate_of_processes(workers)
+        rate_alone, rate_of_workers = rate_of_one(ALONE), rate_of_processes(workers)
         result = ec.sweep("lift", {"lift.plant.motor.R_s": VALUES}, stop_time=STOP_TIME, workers=workers)
         swept = VARIANTS * steps_of_one() / result.wall_s
-        rows.append((alone, apart, swept, apart / (workers * alone), swept / (workers * alone)))
-    alone, apart, swept, possible, reached = np.median(rows, axis=0)
+        rows.append(
+            (
+                rate_alone,
+                rate_of_workers,
+                swept,
+                rate_of_workers / (workers * rate_alone),
+                swept / (workers * rate_alone),
+            )
+        )
+    rate_alone, rate_of_workers, swept, possible, reached = np.median(rows, axis=0)
     print("| | Steps/s | Ratio |\n|---|---|---|")
-    print(f"| one prepared simulation, times {workers} | {workers * alone:.0f} | 1 |")
-    print(f"| {workers} processes with one each | {apart:.0f} | {possible:.3g} |")
+    print(f"| one prepared simulation, times {workers} | {workers * rate_alone:.0f} | 1 |")
+    print(f"| {workers} processes with one each | {rate_of_workers:.0f} | {possible:.3g} |")
     print(f"| sweep of {VARIANTS} variants | {swept:.0f} | {reached:.3g} |")
 
 
@@ -37,10 +45,10 @@ def rate_of_one(runs: int) -> float:
     """Steps per second of one simulation that is prepared once, with what is between the runs."""
     with ec.load("lift", stop_time=STOP_TIME).prepare() as lift:
         lift.run(recorders=[])
-        began = time.perf_counter()
+        start = time.perf_counter()
         for value in VALUES[:runs]:
             lift.run(recorders=[], set={"lift.plant.motor.R_s": value})
-        return runs * steps_of_one() / (time.perf_counter() - began)
+        return runs * steps_of_one() / (time.perf_counter() - start)
 
 
 def rate_of_processes(count: int) -> float:

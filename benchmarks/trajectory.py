@@ -39,10 +39,10 @@ class _Reduced:
         inner = casadi.reshape(x[:-1], basis.size - 2, 3)
         c = casadi.vertcat(casadi.DM(problem.q_S).T, inner, casadi.DM(problem.q_E).T)
         t_M = problem.t_M * x[-1]
-        places, weights = programme.points
-        q, v, a = (casadi.mtimes(casadi.DM(basis.at(places, d)), c).T / t_M**d for d in range(3))
-        at_once = stage(problem, programme.how.tie_break, problem.payload).map(len(places))
-        forces, power, _ = at_once(q, v, a, casadi.DM(0, len(places)))
+        points, weights = programme.points
+        q, v, a = (casadi.mtimes(casadi.DM(basis.at(points, d)), c).T / t_M**d for d in range(3))
+        at_once = stage(problem, programme.how.tie_break, problem.payload).map(len(points))
+        forces, power, _ = at_once(q, v, a, casadi.DM(0, len(points)))
         cost = 0.5 * t_M * casadi.mtimes(power, casadi.DM(weights)) / programme.cost_scale
         spans = casadi.repmat(casadi.DM(basis.speed_spans), 1, 3)
         speeds = ((c[1:, :] - c[:-1, :]) / spans / t_M).T
@@ -57,7 +57,7 @@ class _Reduced:
         start = np.concatenate([straight(problem, how)[1:-1].T.ravel(), [1.0]])
         low, high = (np.repeat(x, len(start) // 3) for x in (problem.machine.q_LB, problem.machine.q_UB))
         began = time.perf_counter(), time.process_time()
-        found = minimize(
+        solution = minimize(
             lambda x: float(self.cost(x)[0]),
             start,
             jac=lambda x: self.cost(x)[1].full().ravel(),
@@ -66,12 +66,12 @@ class _Reduced:
             constraints=[_constraint("eq", self.equal), _constraint("ineq", self.above)],
             options={"maxiter": MOST_ITERATIONS, "ftol": 1e-8},
         )
-        inner = found.x[:-1].reshape(3, -1).T
+        inner = solution.x[:-1].reshape(3, -1).T
         c = np.vstack([problem.q_S, inner, problem.q_E])
         times = time.perf_counter() - began[0], time.process_time() - began[1]
-        cost = float(found.fun) * self.programme.cost_scale
-        return Solution(problem.names, c, problem.t_M * found.x[-1], cost, int(found.nit), *times), str(
-            found.message
+        cost = float(solution.fun) * self.programme.cost_scale
+        return Solution(problem.names, c, problem.t_M * solution.x[-1], cost, int(solution.nit), *times), str(
+            solution.message
         )
 
 
@@ -79,16 +79,16 @@ def main() -> None:
     """Measure and print."""
     problem, how = paper_problem().read_as(EndSpeed.CLIP), Discretisation()
     print(_line("IPOPT", solved(problem, how), problem, how))
-    theirs, message = _Reduced.of(Programme(problem, how)).solve()
-    print(_line("SLSQP", theirs, problem, how), f"({message})")
+    reduced, message = _Reduced.of(Programme(problem, how)).solve()
+    print(_line("SLSQP", reduced, problem, how), f"({message})")
 
 
-def _line(name: str, found: Solution, problem: MotionProblem, how: Discretisation) -> str:
-    figures = assessed(found.spline(how), problem, how.tie_break)
+def _line(name: str, result: Solution, problem: MotionProblem, how: Discretisation) -> str:
+    figures = assessed(result.spline(how), problem, how.tie_break)
     worst = max(peak.excess for peak in figures.peaks)
     return (
-        f"{name}: cost {found.cost:.0f} W2 s, t_M {found.duration:.2f} s, {found.iterations} iterations, "
-        f"{found.wall_s:.1f} s ({found.cpu_s:.1f} s CPU), beyond bounds by {worst:.1e} of their width"
+        f"{name}: cost {result.cost:.0f} W2 s, t_M {result.duration:.2f} s, {result.iterations} iterations, "
+        f"{result.wall_s:.1f} s ({result.cpu_s:.1f} s CPU), beyond bounds by {worst:.1e} of their width"
     )
 
 

@@ -80,16 +80,16 @@ def main() -> None:
     parser.add_argument("counts", nargs="+", type=int, help="numbers of variables")
     parser.add_argument("--keep", type=Path, help="folder for the FMUs")
     arguments, emla = parser.parse_args(), str(Path(sys.executable).with_name("emla"))
-    with contextlib.ExitStack() as held:
-        folder = arguments.keep or Path(held.enter_context(tempfile.TemporaryDirectory()))
+    with contextlib.ExitStack() as stack:
+        folder = arguments.keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
         folder.mkdir(exist_ok=True)
         for count in arguments.counts:
             path = build_wide_fmu(folder, count)
-            before, began = os.times(), time.perf_counter()
-            done = subprocess.run([emla, "verify", str(path)], capture_output=True, text=True)
-            after, took = os.times(), time.perf_counter() - began
+            before, start = os.times(), time.perf_counter()
+            process = subprocess.run([emla, "verify", str(path)], capture_output=True, text=True)
+            after, took = os.times(), time.perf_counter() - start
             used = sum(after[2:4]) - sum(before[2:4])
-            print(f"{count} variables: {took:.1f} s, CPU time {used:.1f} s, exit code {done.returncode}")
+            print(f"{count} variables: {took:.1f} s, CPU time {used:.1f} s, exit code {process.returncode}")
 
 
 if __name__ == "__main__":

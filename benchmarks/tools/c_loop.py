@@ -44,10 +44,10 @@ def compiled_loop(folder: Path) -> Path:
 
 
 def _run(command: list) -> str:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise RuntimeError(done.stderr.strip() or f"the exit code is {done.returncode}")
-    return done.stdout
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    if process.returncode != 0:
+        raise RuntimeError(process.stderr.strip() or f"the exit code is {process.returncode}")
+    return process.stdout
 
 
 def _plan(job: Job, clock: str) -> str:

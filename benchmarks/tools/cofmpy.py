@@ -20,8 +20,8 @@ def measure(job: Job) -> Measurement:
     """Run the job step by step."""
     tempfile.tempdir = job.scratch  # where it leaves unpacked FMUs
     config = ConfigParser(_configuration(job)).master_config
-    together = [[c.name for c in job.components]]
-    master = DefaultMaster(config["fmus"], config["connections"], together, "jacobi")
+    group = [[c.name for c in job.components]]
+    master = DefaultMaster(config["fmus"], config["connections"], group, "jacobi")
     for c in job.components:
         fmu = master.fmu_handlers[c.name].fmu
         setters = {"Integer": fmu.setInteger, "Boolean": fmu.setBoolean}

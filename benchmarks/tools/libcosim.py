@@ -38,8 +38,8 @@ def measure(job: Job) -> Measurement:
     return Measurement(seconds, job.steps - 2, _signals_of_last_step(execution, job, index))
 
 
-def _checked(done: bool) -> None:
-    if not done:
+def _checked(succeeded: bool) -> None:
+    if not succeeded:
         raise RuntimeError(get_last_error_message())
 
 

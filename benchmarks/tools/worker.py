@@ -29,8 +29,8 @@ def main(measure: Callable[[Job], Measurement], package: str = "") -> None:
     try:
         if "one-core" in sys.argv:
             os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-        named = {"version": f"{package} {version(package)}"} if package else {}
-        content = measure(load_job(job))._asdict() | named
+        version_entry = {"version": f"{package} {version(package)}"} if package else {}
+        content = measure(load_job(job))._asdict() | version_entry
     except Exception as error:  # the tools raise whatever they like
         content = {"problem": f"{type(error).__name__}: {error}"}
     result.write_text(json.dumps(content), encoding="utf-8")

@@ -342,7 +342,7 @@ def set_slow_s(seconds: float) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "killers"), [("here", 1), ("nanny", 3), ("no nanny", 3)])
-def test_variants_that_end_processes_cost_no_worker(
+def test_workers_survive_variants_that_end_processes(
     kind: str, killers: int, system: System, tmp_path: Path
 ) -> None:
     """The scheduler has Dask's defaults, and would send what ends a worker to three others."""

@@ -386,7 +386,7 @@ def test_isolate_takes_patterns_and_true(package: Path, tmp_path: Path) -> None:
 
 
 @given(st.integers(0, 10_000), st.sampled_from(CALLS[1:]))
-def test_code_tells_the_instance_and_the_call(instance: int, call: str) -> None:
+def test_code_has_instance_and_call(instance: int, call: str) -> None:
     present = crash_page.Activity(code=code_of(instance, call), time=0.5)
     assert decode_call(present) == (instance, f"{call} at t = 0.5 s" if call == "doStep" else call)
     assert decode_call(crash_page.Activity())[0] is None

@@ -501,7 +501,7 @@ def test_table_that_is_removed_during_a_run_is_reported(
 # ---- names -------------------------------------------------------------------------------------
 
 
-def test_one_name_has_one_use(emla: Emla, tmp_path: Path, faulty_fmu: Path) -> None:
+def test_conflicting_names_are_refused(emla: Emla, tmp_path: Path, faulty_fmu: Path) -> None:
     """Also if two names differ only in case. Refused before anything is computed."""
     (tmp_path / "my.toml").write_text('system = "lift"\nstop_time = 0.002\nplots = false\n')
     (tmp_path / "endless.toml").symlink_to("/dev/zero")

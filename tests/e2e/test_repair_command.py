@@ -41,7 +41,9 @@ def test_dry_run_writes_nothing(faulty: str, emla: Emla) -> None:
     assert "Unit 'W'" in result.stdout
 
 
-def test_what_is_left_gives_exit_code_1(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emla: Emla) -> None:
+def test_remaining_faults_give_exit_code_1(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emla: Emla
+) -> None:
     monkeypatch.chdir(tmp_path)
     path = setting("//ScalarVariable[@name='body.mass']/Real", max="1.0")(tmp_path)
     result = emla("repair", path.name, "-o", "fixed.fmu")

@@ -108,7 +108,7 @@ def test_report_has_selected_checks_of_fmus_by_path_name_and_label(plant: str) -
     assert examined.facts["SHA-256"] == hashlib.sha256(Path(plant).read_bytes()).hexdigest()
 
 
-def test_folder_stands_for_its_fmus_and_git_lfs_pointers_are_named(plant: str, tmp_path: Path) -> None:
+def test_folders_of_fmus_and_git_lfs_pointers(plant: str, tmp_path: Path) -> None:
     folder = tmp_path / "many"
     (folder / "deep").mkdir(parents=True)
     (folder / "deep" / "Plant.fmu").write_bytes(Path(plant).read_bytes())

@@ -45,7 +45,7 @@ _FLAGS = ["-std=c11", "-O1", "-g", "-Wall", "-Wextra", "-Wpedantic", "-Werror", 
 @pytest.mark.parametrize(
     ("system", "fmi"), mostly_nightly(COMBINATIONS, [COMBINATIONS[0], COMBINATIONS[3], COMBINATIONS[5]])
 )
-def test_random_calls_do_no_harm(system: str, fmi: int, fmu_folder: Path, tmp_path: Path) -> None:
+def test_random_calls_under_sanitizers(system: str, fmi: int, fmu_folder: Path, tmp_path: Path) -> None:
     """The joint has a plant without sources, so that a library is loaded; the machine has loops.
 
     Parts of FMI 3.0 have all types and arrays; a plant is one of them. Those with events have clocks, and

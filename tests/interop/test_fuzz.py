@@ -28,7 +28,7 @@ OFTEN = ["EmlaPlant", "EmlaObserver", "RsbaController", "Reference", "Disturbanc
 
 
 @pytest.mark.parametrize("model", mostly_nightly(MODELS, OFTEN))
-def test_random_calls_do_no_harm(
+def test_random_calls_under_sanitizers(
     model: str, compiled: Compile, unpacked_fmus: dict[str, FmuFile], tmp_path: Path
 ) -> None:
     plan, foreign = tmp_path / "plan", FOREIGN[model]

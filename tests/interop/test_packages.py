@@ -99,7 +99,7 @@ def test_ecos_runs_packages_with_fmus_of_fmi_3(fmu_folder: Path, tmp_path: Path)
     np.testing.assert_array_equal(values, our_run(load("lift", fmus=fmu_folder, **times), signals, STEP))
 
 
-def test_package_tells_each_tool_its_step_size(fmu_folder: Path, tmp_path: Path) -> None:
+def test_package_has_the_step_size_for_each_tool(fmu_folder: Path, tmp_path: Path) -> None:
     """In the places where OMSimulator and libcosim look for it."""
     with zipfile.ZipFile(load("lift", fmus=fmu_folder).export(tmp_path / "lift.ssp")) as archive:
         root = etree.fromstring(archive.read("SystemStructure.ssd"))

@@ -51,7 +51,7 @@ _COMPILERS = {
     ],
     ids=["few", "many"],
 )
-def test_random_systems_do_no_harm(
+def test_random_systems_under_sanitizers(
     optimization: str, first: int, seeds: int, program: str, good: str
 ) -> None:
     counts = _run_host(program, [optimization, *SANITIZERS["address"]], first, seeds)

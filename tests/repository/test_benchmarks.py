@@ -52,7 +52,7 @@ def test_job_survives_its_file(job: Job, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_cannot_run_is_reported_and_the_others_go_on(job: Job) -> None:
+def test_missing_tool_is_reported(job: Job) -> None:
     lines: list[str] = []
     ours, missing = measured(job, [OURS, MISSING], 2, 20, lines.append)
     assert len(ours.step_times) == 2
@@ -61,7 +61,7 @@ def test_what_cannot_run_is_reported_and_the_others_go_on(job: Job) -> None:
     assert len(lines) == 3
 
 
-def test_other_numbers_end_the_benchmark_with_a_sentence(job: Job) -> None:
+def test_different_numbers_end_the_benchmark(job: Job) -> None:
     signals = [0.0] * len(job.signals)
     check_signals("ours", job, signals, signals)
     component, output = job.signals[-1]
@@ -69,7 +69,7 @@ def test_other_numbers_end_the_benchmark_with_a_sentence(job: Job) -> None:
         check_signals("ours", job, [*signals[:-1], 1.0], signals)
 
 
-def test_rows_hold_medians_ranges_and_what_comes_on_top_of_the_fmus() -> None:
+def test_rows_of_the_benchmark_table() -> None:
     assert rows(RESULTS) == [
         (FMU_CALLS.title, "250000", "200000 - 333000", "1.25", "-"),
         (C_LOOP.title, "200000", "100000 - 200000", "1", "1.0"),
@@ -89,5 +89,5 @@ def test_readme_gets_the_table_between_its_markers() -> None:
 
 
 @pytest.mark.parametrize("name", ["benchmark", "size"])
-def test_our_readme_has_a_place_for_each_table(name: str) -> None:
+def test_readme_has_markers_for_each_table(name: str) -> None:
     assert "| new |" in in_readme(README.read_text(encoding="utf-8"), "| new |", name)

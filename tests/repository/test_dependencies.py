@@ -76,12 +76,12 @@ def undeclared(files: Iterable[Path]) -> dict[str, Path]:
 
 
 @pytest.mark.slow
-def test_what_is_imported_is_declared() -> None:
+def test_imported_packages_are_declared() -> None:
     assert undeclared(sources()) == {}
 
 
 @pytest.mark.slow
-def test_what_is_declared_is_used() -> None:
+def test_declared_packages_are_used() -> None:
     files = sources()
     used = {d for package in imported(files) for d in providers().get(package, {package})}
     assert DECLARED - used == BY_NAME
@@ -94,7 +94,7 @@ def test_what_is_declared_is_used() -> None:
     assert words >= BY_NAME
 
 
-def test_the_base_is_small_and_extras_are_as_messages_name_them() -> None:
+def test_base_is_small_and_extras_match_messages() -> None:
     assert len(PROJECT["dependencies"]) <= 20
     declared = PROJECT["optional-dependencies"]
     for extra, packages in EXTRAS.items():

@@ -42,7 +42,7 @@ def test_a_table_has_the_variables_of_the_fmu(model: str, fmu_folder: Path) -> N
 
 
 @pytest.mark.parametrize("model", ["EmlaPlant", "EmlaObserver", "Reference", "Disturbance", "FocController"])
-def test_most_symbols_stand_in_the_equations(model: str) -> None:
+def test_most_symbols_are_in_the_equations(model: str) -> None:
     """Those that do not are of variables that no equation needs, such as limits."""
     text = readme(model).read_text(encoding="utf-8")
     text = re.sub("<!-- variables begin -->.*<!-- variables end -->", "", text, flags=re.DOTALL)
@@ -61,7 +61,7 @@ def test_any_attribute_has_a_symbol_that_can_be_typeset(attribute: str) -> None:
         html_page(f"| ${symbol}$ |", "x")
 
 
-def test_a_page_without_a_place_gets_the_table_at_its_end() -> None:
+def test_table_without_markers_is_appended() -> None:
     class Example(Block):
         """Something."""
 

@@ -103,7 +103,7 @@ def test_commands_say_which_extra_they_lack(extra: str, installed: Installed) ->
     assert "Traceback" not in message
 
 
-def test_extras_bring_what_they_are_for(installed: Installed) -> None:
+def test_commands_work_with_their_extras(installed: Installed) -> None:
     folder = installed.folder
     installed.install("plots")
     installed.emla("run", "lift", "--stop-time", "0.1", "--report")

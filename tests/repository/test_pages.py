@@ -39,7 +39,7 @@ BY_DEFAULT = ("actuator.md", "joints.md", "master.md", "python.md")
     mostly_slow(EXECUTED, [page for page in EXECUTED if page.name in BY_DEFAULT]),
     ids=lambda page: str(page.relative_to(ROOT)),
 )
-def test_a_page_works_as_shown(page: Path, working_folder: Path) -> None:
+def test_commands_of_a_page_work(page: Path, working_folder: Path) -> None:
     if page.name == "export.md" and sys.platform != "linux":
         pytest.skip("libcosim and Ecos have packages for Linux only.")
     Reader(page).read()
@@ -54,7 +54,7 @@ def test_a_page_works_as_shown(page: Path, working_folder: Path) -> None:
         ("Two.\n\n```python run\nraise SystemExit(3)\n```\n", "line 3: ended with 3"),
     ],
 )
-def test_a_page_that_does_not_work_is_reported(text: str, words: str, tmp_path: Path) -> None:
+def test_failing_pages_are_reported(text: str, words: str, tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(text, encoding="utf-8")
     with pytest.raises(PageError, match=words):

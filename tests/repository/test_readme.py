@@ -58,7 +58,7 @@ def test_every_named_file_exists(page: str) -> None:
         assert path.exists(), f"{first}/{rest}"
 
 
-def test_every_room_has_its_floor_and_its_line() -> None:
+def test_every_room_is_in_contract_and_architecture() -> None:
     """Import-linter checks only rooms that its contract lists."""
     package = ROOT / "orchestration/emla_cosim"
     rooms = {path.stem for path in package.iterdir() if path.is_dir() or path.suffix == ".py"}

@@ -67,7 +67,7 @@ def artifacts(tree: Path, python_fmu_folder: Path, tmp_path_factory: pytest.Temp
     return output
 
 
-def test_the_sums_are_those_of_all_files(artifacts: Path) -> None:
+def test_checksums_of_all_files(artifacts: Path) -> None:
     sums = dict(reversed(x.split("  ")) for x in (artifacts / "SHA256SUMS").read_text().splitlines())
     assert set(sums) | {"SHA256SUMS"} == {file.name for file in artifacts.iterdir()}
     assert len(sums) == 5
@@ -75,9 +75,7 @@ def test_the_sums_are_those_of_all_files(artifacts: Path) -> None:
         assert hashlib.sha256((artifacts / name).read_bytes()).hexdigest() == expected
 
 
-def test_the_same_commit_gives_the_same_bytes(
-    artifacts: Path, python_fmu_folder: Path, tmp_path: Path
-) -> None:
+def test_releases_are_reproducible(artifacts: Path, python_fmu_folder: Path, tmp_path: Path) -> None:
     """In another folder, over what an earlier release left, and beside a file of the user."""
     output = tmp_path / "again"
     output.mkdir()
@@ -90,7 +88,7 @@ def test_the_same_commit_gives_the_same_bytes(
     assert {f.name for f in output.iterdir()} == {f.name for f in artifacts.iterdir()} | {"notes.txt"}
 
 
-def test_the_archive_has_the_fmus_and_what_belongs_to_them(artifacts: Path, python_fmu_folder: Path) -> None:
+def test_archive_has_fmus_and_their_files(artifacts: Path, python_fmu_folder: Path) -> None:
     top = f"emla-fmus-{VERSION}"
     with zipfile.ZipFile(artifacts / f"{top}.zip") as archive:
         content = {name: archive.read(name) for name in archive.namelist()}
@@ -110,7 +108,7 @@ def test_the_archive_has_the_fmus_and_what_belongs_to_them(artifacts: Path, pyth
     assert set(content) == expected
 
 
-def test_the_packages_are_whole(artifacts: Path, tmp_path: Path) -> None:
+def test_packages_are_complete(artifacts: Path, tmp_path: Path) -> None:
     """The wheel has references, plugin and documents; from the sources the same wheel can be built."""
     (wheel,) = artifacts.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
@@ -161,7 +159,7 @@ def test_bill_of_materials_has_the_base_requirements(artifacts: Path) -> None:
         (f"{DATED}\n\nChanged.\n\n## 0.0.1, 2025-01-31", "are not as they were committed.*\n.*CHANGELOG"),
     ],
 )
-def test_what_is_not_ready_is_refused(heading: str, words: str, tree: Path, tmp_path: Path) -> None:
+def test_unfinished_releases_are_refused(heading: str, words: str, tree: Path, tmp_path: Path) -> None:
     changelog = tree / "CHANGELOG.md"
     before = changelog.read_text(encoding="utf-8")
     changelog.write_text(HEADING.sub(heading, before), encoding="utf-8")
@@ -175,7 +173,7 @@ def test_what_is_not_ready_is_refused(heading: str, words: str, tree: Path, tmp_
     assert not (tmp_path / "release").exists()
 
 
-def test_a_platform_that_there_is_not_is_a_wrong_command(tmp_path: Path) -> None:
+def test_unknown_platform_is_refused(tmp_path: Path) -> None:
     process = released(ROOT, tmp_path / "release", tmp_path, "--platform", "amiga")
     assert process.returncode == 2
     assert all(platform in process.stderr for platform in PLATFORMS)

@@ -59,7 +59,7 @@ def test_findings_are_counted_by_check_and_tool() -> None:
     ]
 
 
-def test_pages_show_what_their_csv_files_hold() -> None:
+def test_pages_show_their_csv_files() -> None:
     rows = good_fmus.TABLE.read_text(encoding="utf-8").splitlines()[1:]
     assert good_fmus.make_table(csv.reader(rows)) in good_fmus.PAGE.read_text(encoding="utf-8")
     rows = controller_results.read_rows()
@@ -91,7 +91,7 @@ def test_comparisons_are_summarized_over_seeds(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_only_complaints_that_the_good_fmu_does_not_get_count(tmp_path: Path) -> None:
+def test_complaints_about_good_fmus_do_not_count(tmp_path: Path) -> None:
     broken = [b for b in STATIC if b.check == "variables.start"][:1]
     fmpy = next(c for c in find_checkers(argparse.Namespace(**dict.fromkeys(OPTIONS)))[0] if not c.calls)
     tools = [fmpy, Checker("grumbler", "1.0", ["false"], "x"), Checker("other", "", ["true"], "x", (3,))]
