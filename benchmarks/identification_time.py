@@ -17,7 +17,7 @@ import numpy as np
 
 import emla_cosim as ec
 
-from .identification import BITS, EVERY, INPUTS, STEP
+from .identification import BITS, INPUTS, STEP, STEPS_PER_ROW
 
 STOP = 10.0
 """Length of an experiment in s."""
@@ -66,7 +66,7 @@ def measure(duration: float, load: float, seed: int) -> tuple[ec.Input, ec.Input
     x = resolution * np.round(np.interp(run.time - 1e-3, run.time, run["prototype.plant.x_L"]) / resolution)
     columns = {"time": run.time, "x": x, "i_q": run["prototype.plant.i_q_measured"]}
     names = {f"prototype.plant.{name}": ec.Column(column) for name, column in (("x_L", "x"), ("i_q", "i_q"))}
-    data = {name: column[EVERY::EVERY] for name, column in columns.items()}
+    data = {name: column[STEPS_PER_ROW::STEPS_PER_ROW] for name, column in columns.items()}
     return inputs, ec.Input(data=data, signals=names)
 
 
