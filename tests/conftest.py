@@ -15,6 +15,7 @@ from hypothesis import settings
 from emla_cosim.cli.app import app
 from emla_cosim.fmu.models import MODELS, build, fmu_path
 from fmublock.cache import VARIABLE
+from fmublock.recipe import Recipe
 from tests.support.commands import Emla, widen_terminal
 from tests.support.deterministic import draw_no_constants_of_modules, heed_ctrl_c, register_profiles
 from tests.support.few_figures import draw_empty
@@ -95,9 +96,25 @@ def stay_in_the_root() -> Iterator[None]:
     assert Path.cwd() == ROOT
 
 
+def hash_models_once() -> None:
+    """Hash the sources of each model once: no test changes them, and every run of a joint needs five."""
+    compute_key, keys = Recipe.key, dict[object, str | None]()
+
+    def find_key(recipe: Recipe) -> str | None:
+        if recipe.block.is_restricted or type(recipe.block) not in MODELS.values():
+            return compute_key(recipe)
+        made_from = type(recipe.block), repr(recipe._settings)
+        if made_from not in keys:
+            keys[made_from] = compute_key(recipe)
+        return keys[made_from]
+
+    pytest.MonkeyPatch().setattr(Recipe, "key", find_key)
+
+
 @pytest.fixture(scope="session")
 def fmu_folder() -> Path:
     """Return the folder with the native FMUs of all models; only what is out of date is built."""
+    hash_models_once()
     folder = Path(os.environ[VARIABLE]) / "fmus of tests"
     number = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
     processes = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))

@@ -13,8 +13,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
-def faulty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.chdir(tmp_path)
+def faulty(tmp_path: Path) -> str:
     return without("//Unit[@name='W']")(tmp_path).name
 
 
@@ -41,10 +40,7 @@ def test_dry_run_writes_nothing(faulty: str, emla: Emla) -> None:
     assert "Unit 'W'" in result.stdout
 
 
-def test_remaining_faults_give_exit_code_1(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emla: Emla
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_remaining_faults_give_exit_code_1(tmp_path: Path, emla: Emla) -> None:
     path = setting("//ScalarVariable[@name='body.mass']/Real", max="1.0")(tmp_path)
     result = emla("repair", path.name, "-o", "fixed.fmu")
     assert result.exit_code == 1
@@ -76,8 +72,7 @@ def test_wrong_commands(faulty: str, emla: Emla) -> None:
     assert emla("repair", faulty, "-o", "mine.txt", "--overwrite").exit_code == 0
 
 
-def test_fmu_without_faults_is_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emla: Emla) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_fmu_without_faults_is_copied(emla: Emla) -> None:
     Path("Toy.fmu").write_bytes(good_bytes())
     result = emla("repair", "Toy.fmu", "-o", "fixed.fmu")
     assert result.exit_code == 0
