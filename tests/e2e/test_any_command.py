@@ -27,7 +27,7 @@ from tests.support.command_lines import (
     USABLE,
     Surroundings,
     commands,
-    place,
+    make_files,
     surroundings,
 )
 from tests.support.odd_files import Materials
@@ -132,7 +132,7 @@ def test_any_command_ends_with_at_most_one_message(
     folder, temporary = root / "here", root / "temporary"
     folder.mkdir()
     temporary.mkdir()
-    command = place(arguments, folder, materials)
+    command = make_files(arguments, folder, materials)
     inputs = find_files(folder)
     code, output, errors = call(command, folder, around, temporary)
     assert code in (0, 1, 2), errors

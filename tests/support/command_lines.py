@@ -204,7 +204,7 @@ surroundings = st.just(Surroundings()) | st.builds(
 )
 
 
-def place(arguments: Sequence[str], folder: Path, materials: Materials) -> list[str]:
+def make_files(arguments: Sequence[str], folder: Path, materials: Materials) -> list[str]:
     """Make the files that a command names, `device` and `folder`; the command with the folder of FMUs."""
     text = "\0".join(arguments)
     for name, make in FILES.items():

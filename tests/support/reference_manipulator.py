@@ -1,6 +1,6 @@
 """The manipulator by Lagrange's equations, independently of its file: CasADi differentiates the energies.
 
-Every body has a place and an angle; nothing is said of levers, joints'
+Every body has a centre and an angle; nothing is said of levers, joints'
 accelerations or forces in pins. Kinetic energy leaves out what the actuators' A_eq has: half of every tube's
 mass times its stroke's speed squared.
 """
@@ -19,10 +19,10 @@ from tests.support.reference_model import Vector
 
 @dataclass(frozen=True)
 class Body:
-    """Mass in kg, place in m, angle in rad, and inertia in kg m2 about its centre of mass."""
+    """Mass in kg, centre of mass in m, angle in rad, and inertia in kg m2 about its centre."""
 
     m: Any
-    place: ca.SX
+    centre: ca.SX
     angle: ca.SX
     J: Any
 
@@ -49,7 +49,7 @@ class Lagrangian:
         q, v, a, payload = ca.SX.sym("q", 3), ca.SX.sym("v", 3), ca.SX.sym("a", 3), ca.SX.sym("payload")
         bodies, tip = self._bodies(q, payload)
         T = sum(_kinetic(body, q, v) for body in bodies)
-        V = sum(body.m * self.p.gravity * body.place[1] for body in bodies)
+        V = sum(body.m * self.p.gravity * body.centre[1] for body in bodies)
         for i in range(3):
             T -= 0.5 * self.p.tube_share * self.p.M_BS[i] * v[i] ** 2
         momentum = ca.gradient(T, v)
@@ -99,7 +99,7 @@ class Lagrangian:
 
 
 def _kinetic(body: Body, q: ca.SX, v: ca.SX) -> ca.SX:
-    speed, spin = ca.jtimes(body.place, q, v), ca.jtimes(body.angle, q, v)
+    speed, spin = ca.jtimes(body.centre, q, v), ca.jtimes(body.angle, q, v)
     return 0.5 * body.m * ca.dot(speed, speed) + 0.5 * body.J * spin**2
 
 

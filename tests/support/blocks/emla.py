@@ -15,7 +15,7 @@ from emla_fmu.reference import MOVES
 from emla_fmu.shared_supply import JOINTS
 from emla_fmu.stroke_load import POINTS
 from tests.support import joint_data
-from tests.support.blocks.facts import BlockFacts, Draw, Point, beside, magnitude, magnitudes, signed, signs
+from tests.support.blocks.facts import BlockFacts, Draw, Point, around, magnitude, magnitudes, signed, signs
 from tests.support.joint_data import TILT, observers
 
 
@@ -37,14 +37,14 @@ def plant_points(draw: Draw) -> Point:
         "gearbox.rho": rho,
         "gearbox.eta_GB": draw(st.floats(0.7, 0.95)),
         "screw.lead": 2.0 * math.pi * N_p * x_L / (rho * angle),
-        "screw.q_LB": beside(draw, x_L),
-        "screw.q_UB": beside(draw, x_L),
+        "screw.q_LB": around(draw, x_L),
+        "screw.q_UB": around(draw, x_L),
         "friction.F_C": F_C,
         "friction.F_S": F_C * draw(st.floats(1.1, 3.0)),
         "gearbox.directional": draw(st.booleans()),
         "inverter.delay": 0.0,
         "sensor.current.resolution": 0.0,
-        "inverter.u_max": math.hypot(u_q, u_d) / (1.0 - sag) / beside(draw, 1.0),
+        "inverter.u_max": math.hypot(u_q, u_d) / (1.0 - sag) / around(draw, 1.0),
         "use_commanded_current": draw(st.booleans()),
         "sensor.sigma": sigma,
         "sensor.noise": noise,
@@ -292,7 +292,7 @@ def supply_points(draw: Draw) -> Point:
         **magnitudes(draw, {"link.u_high": (800.0, 1e3), "source.energy": (1.0, 1e3)}),
         **magnitudes(draw, dict.fromkeys(("source.loss", "chopper.energy"), (1.0, 1e3))),
         **magnitudes(draw, dict.fromkeys(("joint.drawn", "joint.returned"), (1.0, 1e3))),
-        **{f"joint.u_max[{i}]": beside(draw, u / math.sqrt(3.0)) for i in range(1, JOINTS + 1)},
+        **{f"joint.u_max[{i}]": around(draw, u / math.sqrt(3.0)) for i in range(1, JOINTS + 1)},
         **signs(draw, {f"joint.P_el[{i}]": (1e3, 1e4) for i in range(1, JOINTS + 1)}),
         **magnitudes(draw, {f"joint.sag[{i}]": (0.01, 0.4) for i in range(1, JOINTS + 1)}),
     }

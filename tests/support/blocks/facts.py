@@ -71,6 +71,6 @@ def signs(draw: Draw, ranges: Mapping[str, tuple[float, float]]) -> dict[str, fl
     return {name: signed(draw, low, high) for name, (low, high) in ranges.items()}
 
 
-def beside(draw: Draw, limit: float) -> float:
+def around(draw: Draw, limit: float) -> float:
     """Draw a value that is clearly less than the limit, or clearly more."""
     return limit * draw(st.one_of(st.floats(0.2, 0.7), st.floats(1.4, 4.0)))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from emla_cosim.study.joint import start_values
 from fmublock.instance import Instance
 from rsba_fmu import AnatcController, CacController, FocController, RsbaController
-from tests.support.blocks.facts import BlockFacts, Draw, Point, beside, magnitude, magnitudes, signed, signs
+from tests.support.blocks.facts import BlockFacts, Draw, Point, around, magnitude, magnitudes, signed, signs
 from tests.support.joint_data import ROBUST, TILT, gains_of
 
 
@@ -42,14 +42,14 @@ def controller_points(draw: Draw) -> Point:
             f"theta[{i}]": magnitude(draw, 0.1, 10.0),
         }
     k = 0.5 * (values["beta[1]"] + values["zeta[1]"] * values["theta[1]"])
-    values["limit.a_max"] = abs(P_1) * k**2 / beside(draw, 1.0)
+    values["limit.a_max"] = abs(P_1) * k**2 / around(draw, 1.0)
     signals = controller(values, "i_q_ref")
     values |= {
-        "limit.i_max": abs(signals["i_q_ref"]) / beside(draw, 1.0) / (1.0 - values["limit.i_reserve"]),
+        "limit.i_max": abs(signals["i_q_ref"]) / around(draw, 1.0) / (1.0 - values["limit.i_reserve"]),
         "limit_current": draw(st.booleans()),
     }
     signals = controller(values, "u_q", "u_d", *(f"P[{i}]" for i in range(1, 5)))
-    limit = math.hypot(signals["u_q"], signals["u_d"]) / beside(draw, 1.0)
+    limit = math.hypot(signals["u_q"], signals["u_d"]) / around(draw, 1.0)
     measured = draw(st.booleans())
     values |= {"measure_supply": measured, "limit_voltage": draw(st.booleans())}
     values |= {"limit.u_max": limit * (2.0 if measured else 1.0), "u_available": limit}
