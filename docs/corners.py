@@ -135,7 +135,7 @@ def draw_corners(result: CornersResult) -> "Figure":
 
 
 OUTPUTS = Outputs[CornersResult](
-    what="corners",
+    subject="corners",
     name="corners",
     record=lambda result: {"format": "emla-corners", **asdict(result)},
     tables={},

@@ -69,8 +69,8 @@ from .recorders.metrics import METRICS as METRICS
 from .recorders.metrics import MetricDisplay as MetricDisplay
 from .recorders.metrics import Metrics as Metrics
 from .recorders.parquet_file import ParquetFile as ParquetFile
-from .recorders.recorder import Outline as Outline
 from .recorders.recorder import Recorder as Recorder
+from .recorders.recorder import RunLayout as RunLayout
 from .recorders.registry import RECORDERS as RECORDERS
 from .recorders.registry import TABLES as TABLES
 from .recorders.table import Table as Table

@@ -9,7 +9,7 @@ from typing import Any, ParamSpec, TypeVar
 from fmu_verify import runner
 from fmu_verify.check import check
 from fmu_verify.findings import Examined, Finding
-from fmu_verify.messages import sentence
+from fmu_verify.messages import format_sentence
 from fmu_verify.report import Report
 from fmu_verify.settings import Recording
 from fmu_verify.subject import WholeSystem
@@ -62,13 +62,13 @@ def _simulate(system: WholeSystem, options: dict[str, Any]) -> CheckOutcome:
         with load(system.path).prepare() as simulation:
             result = simulation.attempt(**options)
     except CosimError as error:
-        return failed(sentence(error))
+        return failed(format_sentence(error))
     more = {
         "comparisons": tuple(result.comparisons),
         "figures": {"steps": result.steps, "wall_s": result.wall_s},
     }
     if result.problem is not None:
-        return failed(sentence(result.problem), **more)
+        return failed(format_sentence(result.problem), **more)
     agree = f"; {len(result.comparisons)} signals stay within their tubes" if result.comparisons else ""
     return passed(f"{result.steps} steps were completed, {result.simulated_s:g} s{agree}.", **more)
 

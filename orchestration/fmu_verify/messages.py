@@ -70,7 +70,7 @@ def join_few_names(names: Sequence[str], most: int = 5) -> str:
     return f"{first_names} and {len(names) - most} more" if len(names) > most else first_names
 
 
-def sentence(text: object) -> str:
+def format_sentence(text: object) -> str:
     """Capitalize the message of an error. Leave out the advice to use an option of other commands."""
     message = _ADVICE.sub("", str(text))
     return message[:1].upper() + message[1:]

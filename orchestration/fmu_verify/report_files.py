@@ -21,18 +21,18 @@ class ReportFile:
     """One kind of file.
 
     Attributes:
-        what: What messages call it.
+        subject: What messages call it.
         module: Module whose function `render` returns its text. It is imported when a file is written.
         is_ours: Function that recognizes a file that may be overwritten.
     """
 
-    what: str
+    subject: str
     module: str
     is_ours: IsOurs
 
     def check(self, path: Path, overwrite: bool = False) -> OutputFile:
         """Return the file. Raise CommandError if it must not be written."""
-        return OutputFile(path, self.what, self.is_ours, overwrite)
+        return OutputFile(path, self.subject, self.is_ours, overwrite)
 
     def save(self, report: "Findings", path: Path, overwrite: bool = False) -> None:
         """Write a report. Raise CommandError and RunError like `OutputFile`."""

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-from emla_cosim.base.channel import LOOK
+from emla_cosim.base.channel import POLL_INTERVAL
 from emla_cosim.base.errors import CommandError, RunError, check_choice
 from emla_cosim.base.files import temporary_folder
 from emla_cosim.base.process import Child, ChildEndedError, ChildPool, count_cores
@@ -221,7 +221,7 @@ def examine_all(
         pending = set(examined)
         try:
             while pending:
-                finished, pending = wait(pending, LOOK)
+                finished, pending = wait(pending, POLL_INTERVAL)
                 for job in finished:
                     job.result()
                 if pending and not pool.is_closed and interrupted is not None and interrupted():
@@ -230,7 +230,7 @@ def examine_all(
         finally:
             pool.close()
             if pending:  # an error or a second Ctrl-C; checks notice it before their folder is removed
-                time.sleep(2.0 * LOOK)
+                time.sleep(2.0 * POLL_INTERVAL)
     return tuple(job.result() for job in examined), is_complete
 
 

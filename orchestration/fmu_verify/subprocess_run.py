@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from emla_cosim.base import crash_page
-from emla_cosim.base.channel import LOOK, Channel, GarbledError
+from emla_cosim.base.channel import POLL_INTERVAL, Channel, GarbledError
 from emla_cosim.base.crash_page import CrashPageFile
 from emla_cosim.base.errors import find_machine_fault
 from emla_cosim.base.process import Child, ChildEndedError, describe_exit, limit_memory, silence
@@ -96,7 +96,7 @@ def _receive_outcome(child: Child, notes: CrashPageFile, seconds: float) -> tupl
     doing = notes.note() or _FIRST
     while True:
         try:
-            answer = child.receive_bytes(min(LOOK, start + seconds - now))
+            answer = child.receive_bytes(min(POLL_INTERVAL, start + seconds - now))
             return read_outcome(answer[1:]), answer[:1] == _CAN_CONTINUE, False
         except TimeoutError:
             now = time.monotonic()

@@ -164,7 +164,7 @@ class Recipe:
         return digest.hexdigest()
 
 
-def made_by() -> str:
+def describe_producer() -> str:
     """Return a text that changes with fmublock itself."""
     return "\0".join(_read_fmublock_files())
 

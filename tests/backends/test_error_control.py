@@ -25,7 +25,7 @@ from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping import control_tables, step_size_control
-from emla_cosim.master.stepping.control_tables import SMALLEST
+from emla_cosim.master.stepping.control_tables import SMALLEST_STEP_FRACTION
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.timing import make_clock, make_communication_points
 from emla_cosim.run.options import Options
@@ -214,11 +214,11 @@ def test_run_continues_from_its_state_after_a_rejected_step() -> None:
         stepping.advance(Table(4), 1)
         assert (stepping.control.accepted, stepping.control.rejected) == (0, 1)
         if interrupted:
-            state = {name: value.copy() for name, value in stepping.memory().items()}
+            state = {name: value.copy() for name, value in stepping.state_dict().items()}
             part = oscillators()
             stepping = controlled(connected(*part), Jacobi("fmu"), 1.0, 0.5, 1e-4)
-            stepping.remember(state)
-            assert {n: v.tobytes() for n, v in stepping.memory().items()} == {
+            stepping.load_state_dict(state)
+            assert {n: v.tobytes() for n, v in stepping.state_dict().items()} == {
                 n: v.tobytes() for n, v in state.items()
             }
         rows.append(recorded(stepping))
@@ -249,7 +249,7 @@ def test_slave_that_discards_every_step_ends_the_run_with_its_message() -> None:
     stepping = controlled(Network([slave], []), Jacobi(), 1.0, 0.1, 1e-3)
     with pytest.raises(DiscardedStepError, match=r"stubborn answered doStep with fmi2Discard. FMU log: No\."):
         recorded(stepping)
-    assert SMALLEST / 2.0 < 0.1 * 2.0**-stepping.control.rejected < SMALLEST
+    assert SMALLEST_STEP_FRACTION / 2.0 < 0.1 * 2.0**-stepping.control.rejected < SMALLEST_STEP_FRACTION
 
 
 def ending(wrong: float, reads: bool) -> Network:
@@ -409,9 +409,9 @@ class Shuffled(ErrorControl):
 class PlainShuffled(PlainErrorControlledStepSize):
     seed = 0
 
-    def stepping(self, algorithm: Any, request: Any) -> Any:
+    def make_stepping(self, algorithm: Any, request: Any) -> Any:
         request = dataclasses.replace(request, sampled=bool(self.seed % 2))
-        return shuffle(super().stepping(algorithm, request), self.seed)  # type: ignore[arg-type]
+        return shuffle(super().make_stepping(algorithm, request), self.seed)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("seed", mostly_slow([0, 2, 6, 9], [6, 9]))
@@ -419,7 +419,7 @@ def test_every_rule_for_errors_is_the_same(
     seed: int, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In a run in which all apply."""
-    monkeypatch.setattr(control_tables, "SHORT", 1e-2)
+    monkeypatch.setattr(control_tables, "SHORT_STEP_FRACTION", 1e-2)
     monkeypatch.setattr(step_size_control, "ErrorControl", Shuffled)
     monkeypatch.setattr(Shuffled, "seed", seed)
     monkeypatch.setattr(PlainShuffled, "seed", seed)

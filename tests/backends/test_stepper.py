@@ -192,7 +192,7 @@ def run_both(build: Callable[[], Network], make: Make) -> tuple[Step, Step]:
     for kind in (PlainSteps, FixedSteps):
         network = build()
         stepping = kind(begun(network, make(), TIMES), TIMES)
-        results.append((recorded(stepping), stepping.memory(), stepping))
+        results.append((recorded(stepping), stepping.state_dict(), stepping))
         assert not any(s.states for s in network.instances)  # saved states that were not freed
     (expected, state, _), (actual, native_state, _) = results
     assert_same_bits(actual, expected)

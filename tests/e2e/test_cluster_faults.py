@@ -383,8 +383,8 @@ SCRIPT = """
 class Ceiling(ec.Recorder):
     ceiling: float = ec.option(1.0, help="Highest position that is allowed, in m.")
 
-    def begin(self, outline, memory=None):
-        self.column = 1 + outline.names.index("lift.plant.x_L")
+    def begin(self, layout, state=None):
+        self.column = 1 + layout.names.index("lift.plant.x_L")
 
     def write(self, rows):
         if rows[:, self.column].max() > self.ceiling:
@@ -393,7 +393,7 @@ class Ceiling(ec.Recorder):
 
 @dataclass
 class Rows(ec.Metrics):
-    outline: ec.Outline
+    layout: ec.RunLayout
     count: int = 0
 
     def write(self, rows):
@@ -402,10 +402,10 @@ class Rows(ec.Metrics):
     def figures(self):
         return {"table": {"rows": self.count}}
 
-    def memory(self):
+    def state_dict(self):
         return self.count
 
-    def remember(self, memory):
+    def load_state_dict(self, memory):
         self.count = memory
 
 

@@ -13,14 +13,14 @@ from emla_cosim.fmu.file import FmuFile, open_fmu
 from emla_cosim.fmu.log import FmuLog
 from emla_cosim.fmu.models import MODELS, fmu_path
 from tests.support.c_programs import Build, build
-from tests.support.joint_run import STEP, Case, moving_joint, study_joint
+from tests.support.joint_run import STEP, Case, build_study_joint, moving_joint
 from tests.support.tiers import mostly_slow
 
 Compile = Callable[..., Build]
 
 VARIANTS = {
-    "study-native": (study_joint, "native", 500),
-    "study-python": (study_joint, "python", 100),
+    "study-native": (build_study_joint, "native", 500),
+    "study-python": (build_study_joint, "python", 100),
     "moving-native": (moving_joint, "native", 300),
 }
 """Joint, flavour and number of steps; the python FMUs run in the test's own process."""

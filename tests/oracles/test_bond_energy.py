@@ -23,13 +23,13 @@ from emla_cosim.master.algorithms.extrapolation import Mode
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.recorders.bond_energies import BondEnergies
-from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.recorder import RunLayout
 from emla_cosim.system.bond import Bond
 from tests.support.linear import LinearSlave, Whole, Wire, connected
 from tests.support.simulated import step_by_step
 
 EFFORT, FLOW = "b.F", "a.v"
-LAYOUT = Outline([], [], make_communication_points(1.0, 0.1), [])
+LAYOUT = RunLayout([], [], make_communication_points(1.0, 0.1), [])
 
 
 def rod(mode: Mode, late: tuple[bool, bool], units: Sequence[SiUnit | None] = (None, None)) -> BondEnergies:
@@ -137,7 +137,7 @@ class PairRun:
             if start >= len(self.rows):
                 return energies.figures()["pair"]
             if resumed:
-                state, energies = json.loads(json.dumps(energies.memory())), self._energies()
+                state, energies = json.loads(json.dumps(energies.state_dict())), self._energies()
                 energies.begin(LAYOUT, state)
             energies.write(self.rows[start : start + length])
             start += length

@@ -70,7 +70,7 @@ def test_held_inputs_get_a_remark_with_the_ratio(
     name: str, extrapolation: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where steps would become too short, the errors of all steps add up to about what the run makes."""
-    monkeypatch.setattr(control_tables, "SHORT", 1e-3)
+    monkeypatch.setattr(control_tables, "SHORT_STEP_FRACTION", 1e-3)
     part, tolerance = elastic_load(), 1e-4
     stepping = controlled(part, name, extrapolation, tolerance, 2.0)
     error = error_of(recorded(stepping), part)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from emla_cosim.master.stepping.timing import CommunicationPoints
-from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.recorder import RunLayout
 from emla_cosim.recorders.table import TimeSeries
 from emla_cosim.run.result import Result
 from tests.support.machines import named_values
@@ -56,7 +56,7 @@ def result_of(
     """A result with these signals and parameters, and components that were given these start values."""
     times = CommunicationPoints(float(time[0]), float(time[1] - time[0]), len(time) - 1)
     table = TimeSeries()
-    table.begin(Outline(list(columns), [None] * len(columns), times, range(len(columns))))
+    table.begin(RunLayout(list(columns), [None] * len(columns), times, range(len(columns))))
     table.append(np.column_stack([time, *columns.values()]))
     return Result(
         name="hdrm-replay",
@@ -64,7 +64,7 @@ def result_of(
         times=times,
         table=table,
         metrics={},
-        shown={},
+        displays={},
         remarks=(),
         steps=len(time) - 1,
         simulated_s=float(time[-1] - time[0]),

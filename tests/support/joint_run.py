@@ -21,7 +21,7 @@ digits; the FMUs count steps of one length, so that this does not matter."""
 Array = NDArray[np.float64]
 
 
-def study_joint() -> System:
+def build_study_joint() -> System:
     """The lift joint of the study with all its start values."""
     return load("lift").system
 
@@ -46,7 +46,7 @@ def moving_joint() -> System:
         "disturbance.supply.start": 0.01,
         "disturbance.supply.duration": 0.01,
     }
-    return study_joint().with_parameters({f"lift.{name}": value for name, value in start.items()})
+    return build_study_joint().with_parameters({f"lift.{name}": value for name, value in start.items()})
 
 
 @dataclass(frozen=True)

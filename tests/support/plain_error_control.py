@@ -8,7 +8,7 @@ import numpy as np
 from emla_cosim.base.errors import RunError
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.stepping.checkpoint import Snapshot
-from emla_cosim.master.stepping.control_tables import JUST_BEFORE, SHORT
+from emla_cosim.master.stepping.control_tables import EVENT_STEP_FRACTION, SHORT_STEP_FRACTION
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.step_size_control import ErrorControlledStepSize, StepRequest
 from emla_cosim.master.stepping.stepping_base import RowSink, Stepping
@@ -25,7 +25,9 @@ class PlainErrorControl(ErrorControl):
         super().__init__(*arguments, **options)
         self.stepper, self.start = PlainStepper(self.algorithm), Snapshot(self.algorithm)
         if self.control.is_per_unit:
-            self.stepper.coupling_tolerance = min(self.stepper.coupling_tolerance, SHORT * self.tolerance)
+            self.stepper.coupling_tolerance = min(
+                self.stepper.coupling_tolerance, SHORT_STEP_FRACTION * self.tolerance
+            )
         self.coarse, self.next_coarse = np.zeros((2, len(self.algorithm.restored)))
         self.first: tuple[float, np.ndarray] | None = None
         self.jumped = np.zeros(len(self._tables.signals), dtype=int)
@@ -38,7 +40,7 @@ class PlainErrorControl(ErrorControl):
         step = self.sizes().propose(point - self.time)
         is_met = step == point - self.time
         end = point if is_met else self.time + step
-        is_leap = is_event and is_met and step <= 2.0 * JUST_BEFORE * step_size
+        is_leap = is_event and is_met and step <= 2.0 * EVENT_STEP_FRACTION * step_size
         if not self.try_step(step, end, is_leap):
             return 1
         self.algorithm.network.check_finite(end)
@@ -56,7 +58,7 @@ class PlainErrorControl(ErrorControl):
         """Try a step. Return whether it was accepted; otherwise all is as before."""
         control, tables, sizes = self.control, self._tables, self.sizes()
         self.stepper.see()
-        self.start.take()
+        self.start.save()
         try:
             errors = self.try_doubled_step(end)
         except DiscardedStepError as discarded:
@@ -161,7 +163,7 @@ class PlainErrorControl(ErrorControl):
 class PlainErrorControlledStepSize(ErrorControlledStepSize):
     """The step-size control of `PlainErrorControl`, for the option of this name of a run."""
 
-    def stepping(self, algorithm: Any, request: StepRequest) -> Stepping:
+    def make_stepping(self, algorithm: Any, request: StepRequest) -> Stepping:
         assert self.error_tolerance is not None
         self.made = PlainErrorControl(
             algorithm,

@@ -341,9 +341,9 @@ class PlainSteps(FixedSteps):
             if clock.monotonic() > ends:
                 return
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         self.report()
-        return super().memory()
+        return super().state_dict()
 
     def report(self) -> dict[str, Any]:
         if self.stepper is not None:
@@ -361,5 +361,5 @@ class PlainStepSize(StepSizeControl):
 
     is_regular = True
 
-    def stepping(self, algorithm: Any, request: StepRequest) -> Stepping:
+    def make_stepping(self, algorithm: Any, request: StepRequest) -> Stepping:
         return PlainSteps(algorithm, request.times)

@@ -13,7 +13,7 @@ def run_scenario(scenario: Scenario, folder: Path, **options: Any) -> Result:
     """Run a scenario with other options, quietly and without plots."""
     settings = scenario.options.updated({"plots": False, **options})
     output = OutputFolder(folder, settings.output_format)
-    with output.alone():
+    with output.reserve():
         with scenario.prepare(**options) as simulation:
             recorders = output.recorders(scenario.name, continued=settings.resume is not None)
             result = simulation.attempt(recorders=recorders)

@@ -14,7 +14,7 @@ from weakref import WeakSet
 if sys.platform == "win32":
     import msvcrt
 
-LOOK = 0.1
+POLL_INTERVAL = 0.1
 """Seconds between two checks that the other process is alive."""
 
 _HEAD = struct.Struct("=8sQ")
@@ -137,10 +137,14 @@ class Channel:
     def _has_input(self) -> bool:
         """Return whether there is something to read, or the other end is closed; wait for it a short time."""
         if self._poll is not None:
-            return bool(self._poll.poll(1e3 * LOOK))
+            return bool(self._poll.poll(1e3 * POLL_INTERVAL))
         if sys.platform != "win32" or self._is_alive is None:
             return True
-        pipe, until, count = msvcrt.get_osfhandle(self._incoming), time.monotonic() + LOOK, ctypes.c_ulong()
+        pipe, until, count = (
+            msvcrt.get_osfhandle(self._incoming),
+            time.monotonic() + POLL_INTERVAL,
+            ctypes.c_ulong(),
+        )
         while ctypes.windll.kernel32.PeekNamedPipe(pipe, None, 0, None, ctypes.byref(count), None):
             if count.value or time.monotonic() > until:
                 return count.value > 0

@@ -21,7 +21,7 @@ from fmublock.leftovers import mark_of_process as mark_of_process
 
 from .errors import CommandError, RunError
 
-HERE = Path()
+CURRENT_FOLDER = Path()
 """The working folder at the time when a path is used."""
 
 
@@ -155,7 +155,7 @@ def hash_if_readable(path: Path) -> str | None:
         return None
 
 
-def resolve_output_path(path: Path, label: str, folder: Path = HERE) -> Path:
+def resolve_output_path(path: Path, label: str, folder: Path = CURRENT_FOLDER) -> Path:
     """Return the real path of a file to be written; see `real_place`.
 
     Args:
@@ -212,13 +212,13 @@ def check_output_files(written: Mapping[Path, str], used: Mapping[Path, str]) ->
     for path, label in written.items():
         real_path = str(resolve_output_path(path, label))
         for used_real_path, used_path, role in used_files:
-            if not is_same_place(real_path, used_real_path):
+            if not is_same_path(real_path, used_real_path):
                 continue
             alias = "" if used_path == path else f" '{used_path}'"
             raise CommandError(f"{label} '{path}' is also {role}{alias}. Choose another file.")
 
 
-def is_same_place(first: str, second: str) -> bool:
+def is_same_path(first: str, second: str) -> bool:
     """Return whether two real paths may be the same file, on a file system that ignores case, too."""
     if first == second or first.casefold() != second.casefold():
         return first == second

@@ -58,7 +58,7 @@ class Option:
         help: The help text.
         group: One of the groups above.
         flag: The flag of the command line; default: derived from the name.
-        short: Another flag, of one letter; the help text mentions it.
+        short_flag: Another flag, of one letter; the help text mentions it.
         metavar: The placeholder of the value in the help.
         choices: Returns the allowed names.
         above: The lower bound of a number, excluded.
@@ -72,7 +72,7 @@ class Option:
         commands: The commands that take it.
         parse: Converts the text of the command line, or the list of texts if the option can be repeated.
         takes: A type whose objects Python code can pass unchanged, also as entries of a table.
-        alone: The value of a flag without a value on the command line, and of True elsewhere.
+        flag_value: The value of a flag without a value on the command line, and of True elsewhere.
         negative: Whether a switch has a second flag `--no-...`.
         repeated: Whether commands that repeat a run keep the option.
         arrays: Whether a list in a table sets the elements `name[1]`, `name[2]`.
@@ -87,7 +87,7 @@ class Option:
     help: str
     group: str = STEPPING
     flag: str = ""
-    short: str = ""
+    short_flag: str = ""
     metavar: str | None = None
     choices: Callable[[], Iterable[Any]] | None = None
     above: float = -math.inf
@@ -100,7 +100,7 @@ class Option:
     commands: tuple[str, ...] = (RUN, SWEEP, COMPARE)
     parse: Callable[[Any], Any] | None = None
     takes: type | None = None
-    alone: str = ""
+    flag_value: str = ""
     negative: bool = True
     repeated: bool = True
     arrays: bool = False

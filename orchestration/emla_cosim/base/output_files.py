@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO
 
 from .errors import CommandError, RunError
-from .files import HERE, NotAFileError, resolve_output_path, write_atomically
+from .files import CURRENT_FOLDER, NotAFileError, resolve_output_path, write_atomically
 
 _HEAD_SIZE = 4096
 """Bytes at the beginning and at the end of a file in which a mark must be."""
@@ -106,7 +106,7 @@ class OutputFile:
 
     Attributes:
         path: the file as messages name it.
-        place: its real path.
+        real_path: its real path.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class OutputFile:
         label: str,
         is_ours: IsOurs,
         overwrite: bool = False,
-        folder: Path = HERE,
+        folder: Path = CURRENT_FOLDER,
         creates_folder: bool = False,
     ) -> None:
         """Check that the file may be written.
@@ -131,12 +131,12 @@ class OutputFile:
         Raises:
             CommandError: If the file cannot be written, or emla did not write the existing one.
         """
-        self.path, self.what = path, label
+        self.path, self.subject = path, label
         self._is_ours, self._overwrite = is_ours, overwrite
         if creates_folder and not (folder / path).parent.is_dir():
-            self.place = folder / path  # there is no file to protect
+            self.real_path = folder / path  # there is no file to protect
             return
-        self.place = resolve_output_path(path, label, folder)
+        self.real_path = resolve_output_path(path, label, folder)
         try:
             may_replace = self._may_replace()
         except OSError as error:
@@ -148,7 +148,7 @@ class OutputFile:
             )
 
     def _may_replace(self) -> bool:
-        return self._overwrite or is_new(self.place) or self._is_ours(self.place)
+        return self._overwrite or is_new(self.real_path) or self._is_ours(self.real_path)
 
     def check_again(self, path: Path) -> None:
         """Raise NotAFileError if a file appeared that emla did not write; for `write_atomically`."""
@@ -162,7 +162,7 @@ class OutputFile:
         Raises:
             RunError: If it cannot be written.
         """
-        with self.report_errors(), write_atomically(self.place, self.check_again) as stream:
+        with self.report_errors(), write_atomically(self.real_path, self.check_again) as stream:
             yield stream
 
     def write(self, content: bytes) -> None:
@@ -177,5 +177,5 @@ class OutputFile:
             yield
         except OSError as error:
             raise RunError(
-                f"{self.what} '{self.path}' cannot be written: {error.strerror or error}."
+                f"{self.subject} '{self.path}' cannot be written: {error.strerror or error}."
             ) from error

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from .channel import LOOK, Channel, GarbledError, close_channels
+from .channel import POLL_INTERVAL, Channel, GarbledError, close_channels
 from .interruption import POLITE, ignore_interrupts
 
 _SHORTEST_PAUSE, _LONGEST_PAUSE = 0.0005, 0.02
@@ -244,7 +244,7 @@ def _wait_for_end(parent: int) -> None:
             psutil.Process(parent).wait()
         return
     while os.getppid() == parent:
-        time.sleep(LOOK)
+        time.sleep(POLL_INTERVAL)
 
 
 class ChildPool:

@@ -18,9 +18,9 @@ class OptionParameter(click.Option):
 
     def __init__(self, option: Option) -> None:
         is_switch = option.type is bool
-        flag_settings: dict[str, Any] = {"flag_value": option.alone} if option.alone else {}
+        flag_settings: dict[str, Any] = {"flag_value": option.flag_value} if option.flag_value else {}
         super().__init__(
-            ["/".join(option.flags), *filter(None, [option.short]), option.name],
+            ["/".join(option.flags), *filter(None, [option.short_flag]), option.name],
             is_flag=is_switch,
             default=None,  # tells what the user did not write from what is False
             multiple=option.is_repeatable,

@@ -9,10 +9,10 @@ from fmublock.compiling import c_number, c_text
 
 from ..base.errors import CommandError
 from ..fmu.clocks import is_clocked
-from ..fmu.elements import BINARY, ElementVariable, place_in_array, value_type
+from ..fmu.elements import BINARY, ElementVariable, position_in_array, value_type
 from ..master.algorithms import newton
 from ..master.instances.event_mode_instance import EventModeInstance
-from ..master.instances.typed_values import start_memory
+from ..master.instances.typed_values import allocate_array
 from ..master.stepping.timing import MAXIMUM_STEPS
 from ..stepper.layout import TRUTH_OF_FMI_2, TYPES
 from .image import format_table
@@ -246,7 +246,7 @@ class SystemTables:
                 _choose_setting_time(variable),
             ),
             *(self._choose_way(variable), variable.part, origin.valueReference),
-            *(place_in_array(origin), variable.size, self._find_array(variable), variable.signal),
+            *(position_in_array(origin), variable.size, self._find_array(variable), variable.signal),
             self._plan.image.parts[variable.part].ticks.get(str(origin.name), -1),
         ]
         return f"{{{', '.join(map(str, cells))}}}"
@@ -262,11 +262,11 @@ class SystemTables:
         if not isinstance(origin, ElementVariable):
             return -1
         if variable.size == 1:  # FMI sets only longer arrays as a whole
-            start = start_memory(origin)
+            start = allocate_array(origin)
             return self._image.save(start, start) if self._choose_way(variable) == "IN_EVENT_MODE" else -1
         key = variable.part, int(origin.valueReference)
         if key not in self._arrays:
-            start = start_memory(origin)
+            start = allocate_array(origin)
             for x in start.tolist():
                 _convert_exactly(f"{part.name}.{origin.name}", x)
             values = part.instance.arrays.setdefault(key[1], start)

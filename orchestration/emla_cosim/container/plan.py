@@ -223,7 +223,9 @@ def _make_plan(
         image=make_system_image(algorithm, instances, numbers),
         times=times,
         system_names={name: assembly.names_in_system(name) for name in assembly.files},
-        changed_start_values={c.name: assembly.list_lost_values(c) for c in assembly.system.components},
+        changed_start_values={
+            c.name: assembly.list_rejected_start_values(c) for c in assembly.system.components
+        },
     )
 
 

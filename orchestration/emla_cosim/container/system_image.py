@@ -11,7 +11,7 @@ from ..fmu.elements import BINARY, ElementVariable, is_version_3
 from ..master.algorithms.algorithm import Algorithm
 from ..master.instances.event_mode_instance import EventModeInstance
 from ..master.instances.in_process_instance import InProcessInstance
-from ..master.instances.typed_values import start_memory
+from ..master.instances.typed_values import allocate_array
 from ..master.stepping.stepper_tables import StepperTables, list_entry_points
 from .image import Image
 
@@ -89,7 +89,7 @@ def make_system_image(
         image.save(values)
     for instance in instances:
         for reference, values in instance.arrays.items():
-            image.save(values, start_memory(instance.array(reference)))
+            image.save(values, allocate_array(instance.array(reference)))
     for values in (values for inputs in pending_inputs.values() for values in inputs.values()):
         image.save(values, values)
     for number, instance in enumerate(with_events):

@@ -18,7 +18,7 @@ from ..base.progress import Progress
 from ..fmu.document import TERMINALS
 from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.timing import CommunicationPoints
-from ..stepper.library import native_sources
+from ..stepper.library import read_native_sources
 from ..system.model import System
 from .c_tables import SystemTables, write_part_source
 from .description import describe_container
@@ -80,7 +80,7 @@ def write_container(
         progress: Receives the progress of compiling.
 
     Returns:
-        The start values that an FMU changed, by component; see `Assembly.list_lost_values`.
+        The start values that an FMU changed, by component; see `Assembly.list_rejected_start_values`.
 
     Raises:
         CommandError: The system cannot be one FMU, or the file must not be replaced.
@@ -180,7 +180,7 @@ def _collect_content(
 def _read_stepper_files() -> dict[str, bytes]:
     """Return the C files of the stepper that steps need."""
     # the loop, rows and interrupts are those of the host
-    available, required = native_sources(), ["step.h", "event_calls.h"]
+    available, required = read_native_sources(), ["step.h", "event_calls.h"]
     for name in required:
         included = re.findall(r'#include "(\w+\.h)"', available[name].decode())
         required += [x for x in included if x in available and x not in required]

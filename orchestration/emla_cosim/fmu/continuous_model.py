@@ -112,7 +112,7 @@ class ContinuousModel(ABC):
             raise self._end_error(self._at("completedIntegratorStep"))
         return bool(enters.value)
 
-    def place(self, time: float, states: int) -> None:
+    def set_time_and_states(self, time: float, states: int) -> None:
         """Set the time in s, and the continuous states from an address."""
         self._time = time
         self._call("setTime", time)

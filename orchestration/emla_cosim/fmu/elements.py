@@ -44,7 +44,7 @@ class ElementVariable(ModelVariable):
 
     Attributes:
         data_type: The type in the names of FMI 3.0 functions, such as Float64.
-        place: The position in its array, in the order of the standard.
+        position: The position in its array, in the order of the standard.
         size: The number of elements of its array.
         array_start: The start values of the whole array, as numbers; empty for Strings.
         is_resized: Whether a structural parameter gives its array another shape than the model description.
@@ -53,7 +53,7 @@ class ElementVariable(ModelVariable):
     """
 
     data_type: str = ""
-    place: int = 0
+    position: int = 0
     size: int = 1
     array_start: tuple[float, ...] = ()
     is_resized: bool = False
@@ -97,7 +97,7 @@ def split_arrays(
     for unknowns in (description.outputs, description.derivatives, description.initialUnknowns):
         unknowns[:] = [u for unknown in unknowns for u in _split_unknown(unknown, elements)]
     for variable in description.modelVariables:
-        state_elements, index = elements.get(id(variable.derivative), ()), place_in_array(variable)
+        state_elements, index = elements.get(id(variable.derivative), ()), position_in_array(variable)
         if variable.derivative is not None:
             variable.derivative = state_elements[index] if index < len(state_elements) else None
 
@@ -159,7 +159,7 @@ def _split(variable: ModelVariable, is_resized: bool) -> Iterator[ElementVariabl
         yield ElementVariable(
             **{**fields, **element_fields},
             data_type=data_type,
-            place=position,
+            position=position,
             size=size,
             array_start=numbers,
             is_resized=is_resized,
@@ -189,9 +189,9 @@ def _parse_start(text: str | None, general: str) -> float:
     return float(text or 0.0) if general == "Real" else int(text or 0)
 
 
-def place_in_array(variable: ModelVariable) -> int:
+def position_in_array(variable: ModelVariable) -> int:
     """Return the position of an element in its array; 0 for a scalar."""
-    return variable.place if isinstance(variable, ElementVariable) else 0
+    return variable.position if isinstance(variable, ElementVariable) else 0
 
 
 class ElementLayout:
@@ -199,13 +199,13 @@ class ElementLayout:
 
     Attributes:
         references: Value references; that of an array once.
-        places: The position of each variable in the values.
+        positions: The position of each variable in the values.
         size: The number of values.
     """
 
     def __init__(self, variables: Iterable[ModelVariable]) -> None:
         starts = dict[int, int]()
-        self.references, self.places, self.size = list[int](), list[int](), 0
+        self.references, self.positions, self.size = list[int](), list[int](), 0
         for variable in variables:
             reference, size = int(variable.valueReference), getattr(variable, "size", 1)
             start = starts.get(reference) if size > 1 else None
@@ -213,16 +213,16 @@ class ElementLayout:
                 start = starts[reference] = self.size
                 self.references.append(reference)
                 self.size += size
-            self.places.append(start + place_in_array(variable))
+            self.positions.append(start + position_in_array(variable))
 
     def pick(self, values: Sequence[Any]) -> list[Any]:
         """Return the values of the variables."""
-        return [values[i] for i in self.places]
+        return [values[i] for i in self.positions]
 
     def spread(self, values: Iterable[float]) -> list[float]:
         """Return all values, of which those of other elements are 0."""
         spread_values = [0.0] * self.size
-        for i, value in zip(self.places, values, strict=True):
+        for i, value in zip(self.positions, values, strict=True):
             spread_values[i] = value
         return spread_values
 
@@ -266,11 +266,11 @@ def is_plain(variables: Sequence[ModelVariable]) -> bool:
             continue
         if v.data_type != "Float64":
             return False
-        element = (v.valueReference, v.place)
+        element = (v.valueReference, v.position)
         if pending and pending[0] != element:
             return False
         pending = pending[1:] or ([(v.valueReference, p) for p in range(1, v.size)] if not pending else [])
-        if not pending and v.place != v.size - 1:
+        if not pending and v.position != v.size - 1:
             return False
     return not pending
 

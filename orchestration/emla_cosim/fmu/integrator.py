@@ -25,7 +25,7 @@ _SMALLEST = 1e-13
 CLOSE = 4.0 * float(np.finfo(float).eps)
 """Times that differ by less, relative to the larger one, are equal."""
 
-MOST_ITERATIONS = 1000
+MAX_ITERATIONS = 1000
 """Most iterations of an event, and most events at one time."""
 
 _MOST_STEPS = 10**6
@@ -52,7 +52,7 @@ class Integrator(ABC, Generic[Model]):
     _solver: CVode | None = None
 
     @abstractmethod
-    def _integration_error(self, reason: str) -> Exception:
+    def _make_integration_error(self, reason: str) -> Exception:
         """Return the error if the integration cannot continue."""
 
     def _begin(self, time: float) -> None:
@@ -73,7 +73,7 @@ class Integrator(ABC, Generic[Model]):
             member.read_states(states.ctypes.data + offset)
         return states
 
-    def _exchange(self) -> Collection[Model]:
+    def _exchange_values(self) -> Collection[Model]:
         """Pass all values between the FMUs, which are in event mode; return those that got other inputs."""
         return ()
 
@@ -92,15 +92,15 @@ class Integrator(ABC, Generic[Model]):
                 is_event = is_event or self._time >= self._next_event
                 steps += 1
                 if steps > _MOST_STEPS:
-                    raise self._integration_error(f"this takes more than {_MOST_STEPS} steps.")
+                    raise self._make_integration_error(f"this takes more than {_MOST_STEPS} steps.")
             if is_event:
                 self._enter_event_mode()
                 self._finish_event()
                 # an FMU that asks for one event after the other would stop the time
                 events = events + 1 if _reaches(last_event, self._time) else 0
                 last_event = self._time
-                if events > MOST_ITERATIONS:
-                    raise self._integration_error(f"it has more than {MOST_ITERATIONS} events there.")
+                if events > MAX_ITERATIONS:
+                    raise self._make_integration_error(f"it has more than {MAX_ITERATIONS} events there.")
 
     def _integrate(self, target: float) -> bool:
         """Do one step of the integrator to at most `target`; return whether an event follows."""
@@ -109,7 +109,7 @@ class Integrator(ABC, Generic[Model]):
             solver = self._ready_solver()
             self._time, is_event = solver.step(target)
             if not np.isfinite(solver.states).all():
-                raise self._integration_error("a state became infinite or NaN.")
+                raise self._make_integration_error("a state became infinite or NaN.")
             states = solver.states
         else:
             self._time, states = target, self.read_states()
@@ -122,29 +122,29 @@ class Integrator(ABC, Generic[Model]):
         for member in self.members:
             member.enter_event_mode()
 
-    def _settle(self) -> None:
+    def _iterate_events(self) -> None:
         """Iterate an event until the discrete states settle."""
-        self._exchange()
+        self._exchange_values()
         waiting: Collection[Model] = self.members
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             unsettled = [m for m in waiting if m.find_discrete_states()]
-            changed = self._exchange()
+            changed = self._exchange_values()
             waiting = [m for m in self.members if m in unsettled or m in changed]
             if not waiting:
                 break
         else:
-            raise self._endless_iteration(
-                f"the discrete states do not settle in {MOST_ITERATIONS} iterations."
+            raise self._make_endless_iteration_error(
+                f"the discrete states do not settle in {MAX_ITERATIONS} iterations."
             )
         self._next_event = min(m.next_event for m in self.members)
 
-    def _endless_iteration(self, reason: str) -> Exception:
+    def _make_endless_iteration_error(self, reason: str) -> Exception:
         """Return the error for an event whose iteration does not end."""
-        return self._integration_error(reason)
+        return self._make_integration_error(reason)
 
     def _finish_event(self) -> None:
         """Iterate an event until the discrete states settle, and enter continuous-time mode."""
-        self._settle()
+        self._iterate_events()
         for member in self.members:
             member.enter_continuous_time_mode()
         self._is_discontinuous = True
@@ -172,7 +172,7 @@ class Integrator(ABC, Generic[Model]):
     def _set_states(self, time: float, states: int) -> None:
         """Set the time in s, the states from an address, and the inputs that follow."""
         for member, offset in zip(self.members, self._states, strict=True):
-            member.place(time, states + offset)
+            member.set_time_and_states(time, states + offset)
         self._follow(time)
 
     def _derive(self, time: float, states: int, result: int) -> int:

@@ -25,7 +25,7 @@ from ..system.model import Alias, Component, Connection, System
 from ..system.names import NamedVariable, Names
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
-from ..system.structure import structure_of
+from ..system.structure import find_changed_sizes
 from .grouping import Sampling, arrange, connect, find_groups, find_sampling
 from .instances.described_instance import DescribedInstance
 from .instances.instance_kinds import make_instance
@@ -38,7 +38,7 @@ class Assembly:
     """A network of FMU instances, and the FMU file of every component.
 
     Signals have the names of the system. If a signal has another unit in the system than in its FMU,
-    `shown` has the transformation to the system's value, by position in a row. Call `close` at the end.
+    `transformations` has the transformation to the system's value, by position in a row. Call `close` at the end.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class Assembly:
         arranged = arrange(list(self.instances), self._groups)
         ordered = [self.system.component(name) for members in arranged for name in members]
         names, self._signal_transformations = _name_signals(ordered, outputs)
-        self.shown: Mapping[int, LinearTransformation] = self._signal_transformations
+        self.transformations: Mapping[int, LinearTransformation] = self._signal_transformations
         # components of faults pass on one value, so they must not change the order of the others
         faults = [
             i for i, f in enumerate(self.files[n] for n in self.instances) if f.description.modelName == MODEL
@@ -197,7 +197,7 @@ class Assembly:
         return Names(self.system, {name: file.interface for name, file in self.files.items()})
 
     @cached_property
-    def unexchanged(self) -> dict[str, NamedVariable]:
+    def unconnected_variables(self) -> dict[str, NamedVariable]:
         """Variables besides the signals that can be recorded, by full name, in the order of the system."""
         signals = set(self.network.names)
         return {
@@ -217,12 +217,12 @@ class Assembly:
         return [text for instance in self.instances.values() for text in instance.violations]
 
     @cached_property
-    def idle_clocks(self) -> list[str]:
+    def unscheduled_clocks(self) -> list[str]:
         """Full names of the triggered input clocks that no output clock drives."""
         driven = {x.ends[1] for x in self._resolved.connections}
         return [
             name
-            for name, entry in self.unexchanged.items()
+            for name, entry in self.unconnected_variables.items()
             if is_triggered_input(entry.variable) and entry.end not in driven
         ]
 
@@ -230,9 +230,11 @@ class Assembly:
     def outputs(self) -> list[str]:
         """The outputs that are recorded by default: Reals, then other types except Strings."""
         signals = self.network.names
-        unexchanged = [n for n, v in self.unexchanged.items() if v.variable.causality == "output"]
+        unconnected_variables = [
+            n for n, v in self.unconnected_variables.items() if v.variable.causality == "output"
+        ]
         return sorted(
-            (n for n in (*signals, *unexchanged) if not self.names.find(n).column_type.is_text),
+            (n for n in (*signals, *unconnected_variables) if not self.names.find(n).column_type.is_text),
             key=lambda n: self.names.find(n).column_type.is_discrete,
         )
 
@@ -240,16 +242,18 @@ class Assembly:
         """Choose what to record besides the signals, for runs that start after this.
 
         Args:
-            names: names in `unexchanged`.
+            names: names in `unconnected_variables`.
             steps_per_row: every `steps_per_row`-th point has a row in tables.
         """
-        observer = Observer(self.instances, [self.unexchanged[name] for name in names], steps_per_row)
+        observer = Observer(
+            self.instances, [self.unconnected_variables[name] for name in names], steps_per_row
+        )
         transformations = dict(self._signal_transformations)
         for i, variable in enumerate(observer.variables, len(self.network.names)):
             if (to_fmu := variable.component.alias(variable.name).transformation) != IDENTITY:
                 # an alias converts to the FMU, a row has the value of the system
                 transformations[i] = to_fmu.inverse()
-        self.network.observer, self.shown = observer, transformations
+        self.network.observer, self.transformations = observer, transformations
 
     def parameters(self) -> dict[str, float]:
         """Return the parameters of all components by full name, in units of the system; Booleans as 0, 1."""
@@ -279,7 +283,7 @@ class Assembly:
             self._overrides[component.name] = component, _find_non_default_values(component, interface)
         return self._overrides[component.name][1]
 
-    def list_lost_values(self, component: Component) -> dict[str, dict[str, Any]]:
+    def list_rejected_start_values(self, component: Component) -> dict[str, dict[str, Any]]:
         """Return the start values of a component that its FMU changed in the last initialization.
 
         Each has the value that was set (`set`), the one that the FMU has instead (`read`, None if it
@@ -287,7 +291,7 @@ class Assembly:
         """
         aliases, interface = component.by_fmu_name, self.files[component.name].interface
         entries = {}
-        for rejected in self.instances[component.name].lost_values:
+        for rejected in self.instances[component.name].rejected_start_values:
             name, alias = aliases.get(rejected.variable, (rejected.variable, Alias(rejected.variable)))
             values = [format_value(interface.variables[rejected.variable], x) for x in rejected[1:]]
             if alias.transformation != IDENTITY:
@@ -362,7 +366,9 @@ def _open_files(system: System, fmus: Mapping[str, Path], folder: Path) -> dict[
         name: replace(opened[key], uses_event_mode=system.component(name).event_mode)
         for name, key in keys.items()
     }
-    structures = {name: structure_of(system.component(name), file.interface) for name, file in files.items()}
+    structures = {
+        name: find_changed_sizes(system.component(name), file.interface) for name, file in files.items()
+    }
     return {name: file.with_structure(structures[name]) for name, file in files.items()}
 
 

@@ -9,8 +9,8 @@ from fmpy.model_description import ModelVariable
 
 from ..base.arrays import Indices, Vector
 from ..base.errors import join_names
-from ..fmu.elements import place_in_array
-from ..fmu.integrator import MOST_ITERATIONS
+from ..fmu.elements import position_in_array
+from ..fmu.integrator import MAX_ITERATIONS
 from .algorithms.initialization import solve_initial_values
 from .algorithms.newton import Newton, NoSolutionError
 from .algorithms.scale import Scale
@@ -93,7 +93,7 @@ class _Transfer:
 
 def _locate(variable: ModelVariable) -> tuple[int, int]:
     """Return the value reference of a variable, and its position in its array."""
-    return int(variable.valueReference), place_in_array(variable)
+    return int(variable.valueReference), position_in_array(variable)
 
 
 @dataclass
@@ -259,13 +259,13 @@ class IntegratedGroup(IntegratedInstance):
             signals[loop] = Newton(evaluate, list_sizes).solve(evaluate(signals[loop]))
         except NoSolutionError as error:
             names = join_names([self._network.names[i] for i in loop])
-            raise self._integration_error(
+            raise self._make_integration_error(
                 f"{names} depend on each other without delay, and no solution was found"
             ) from error
 
-    def _exchange(self) -> Collection[ModelExchangeInstance]:
+    def _exchange_values(self) -> Collection[ModelExchangeInstance]:
         network, inputs_before = self._network, self._network.inputs.copy()
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(MAX_ITERATIONS):
             self._connect()
             for member in self.members:
                 member.get_outputs()
@@ -275,8 +275,8 @@ class IntegratedGroup(IntegratedInstance):
             if np.array_equal(discrete_inputs, network.inputs[~self._is_continuous_input]):
                 break
         else:
-            raise self._integration_error(
-                f"the discrete values between its components do not settle in {MOST_ITERATIONS} iterations"
+            raise self._make_integration_error(
+                f"the discrete values between its components do not settle in {MAX_ITERATIONS} iterations"
             )
         # rounding errors in the solution of a loop must not repeat the event
         margin = np.where(self._is_continuous_input, _TOLERANCE * (np.abs(network.inputs) + _TOLERANCE), 0.0)

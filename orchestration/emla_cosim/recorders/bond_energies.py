@@ -26,7 +26,7 @@ from ..master.algorithms.continuous_connections import (
 from ..master.algorithms.extrapolation import Mode
 from ..system.bond import Bond
 from ..system.model import System
-from .recorder import Outline, Recorder
+from .recorder import Recorder, RunLayout
 
 COUPLING = "coupling"
 """Name of the part of metrics.json with the energies of bonds and the coupling errors of connections."""
@@ -110,13 +110,13 @@ class BondEnergies(Recorder):
         self._columns = [0, *sorted({column for bond in self._bonds.values() for column in bond.columns})]
         self._last = np.empty((0, len(self._columns)))  # the last two rows
 
-    def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Begin, or continue from a `memory`."""
-        if memory is not None:
+    def begin(self, layout: RunLayout, state: Any = None) -> None:
+        """Begin, or continue from a `state`."""
+        if state is not None:
             count = len(self._columns)
-            self._last = read_stored_array(memory["rows"], (2, count), (0, count))
+            self._last = read_stored_array(state["rows"], (2, count), (0, count))
             for name, bond in self._bonds.items():
-                bond.restore(memory["bonds"][name])
+                bond.restore(state["bonds"][name])
 
     def write(self, rows: Vector) -> None:
         """Add the energies of the steps between rows, time in s first."""
@@ -137,11 +137,11 @@ class BondEnergies(Recorder):
         with np.errstate(all="ignore"):
             return {name: bond.figures(responses) for name, bond in self._bonds.items()}
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return the state as plain data, from which another object can continue."""
         return {
             "rows": self._last.tolist(),
-            "bonds": {name: bond.memory() for name, bond in self._bonds.items()},
+            "bonds": {name: bond.state_dict() for name, bond in self._bonds.items()},
         }
 
 
@@ -221,7 +221,7 @@ class _Users:
         response = responses.get(connection.group)
         if response is None:
             return -float(self.missed[self.position])
-        return float(response[connection.place, [x.place for x in self.connections]] @ self.missed)
+        return float(response[connection.position, [x.position for x in self.connections]] @ self.missed)
 
 
 class _Bond:
@@ -275,15 +275,15 @@ class _Bond:
         relative = error / exchanged if exchanged > 0.0 else 0.0 if error == 0.0 else np.nan
         return dict(zip(FIGURES, (relative, error, exchanged), strict=True))
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return the sums as plain data."""
         missed = [[] if users is None else users.missed.tolist() for users in self._users]
         return {"exchanged": self._exchanged, "missed": missed}
 
-    def restore(self, memory: Any) -> None:
-        """Continue from `memory`."""
-        self._exchanged = float(memory["exchanged"])
-        for users, missed in zip(self._users, memory["missed"], strict=True):
+    def restore(self, state: Any) -> None:
+        """Continue from `state`."""
+        self._exchanged = float(state["exchanged"])
+        for users, missed in zip(self._users, state["missed"], strict=True):
             if users is not None:
                 users.missed[:] = read_stored_array(missed, users.missed.shape)
 
@@ -297,6 +297,6 @@ def _find_users(signal: int, partner: int, connections: Sequence[ContinuousConne
     connection = users[0]
     if connection.group < 0:
         return _Users(users[:1], 0, np.zeros(1))
-    members = {x.place: x for x in reversed(connections) if x.group == connection.group}
-    members = dict(sorted((members | {connection.place: connection}).items()))
-    return _Users([*members.values()], [*members].index(connection.place), np.zeros(len(members)))
+    members = {x.position: x for x in reversed(connections) if x.group == connection.group}
+    members = dict(sorted((members | {connection.position: connection}).items()))
+    return _Users([*members.values()], [*members].index(connection.position), np.zeros(len(members)))

@@ -31,7 +31,7 @@ class Checkpoints(Recorder):
         """Write a checkpoint if one is due, or if stepping is over; RunError if that fails."""
         if not run.over and time.monotonic() - self._last < INTERVAL:
             return
-        notes = {"identity": self.identity, "time": run.stepping.time, "recorders": run.memory()}
+        notes = {"identity": self.identity, "time": run.stepping.time, "recorders": run.state_dict()}
         save_checkpoint(self.file, run.stepping, notes)
         self._last = time.monotonic()
 

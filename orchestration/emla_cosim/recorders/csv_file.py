@@ -12,7 +12,7 @@ import polars
 
 from ..base.arrays import Vector
 from .file_table import FileTable, frame_rows
-from .recorder import Outline
+from .recorder import RunLayout
 
 _BLOCK = 2**22
 
@@ -37,19 +37,19 @@ class CsvFile(FileTable):
 
     batch_rows, batch_seconds = 2000, 0.2  # with fewer rows, most of the time goes into the columns
 
-    def begin(self, outline: Outline, memory: Any = None) -> None:
+    def begin(self, layout: RunLayout, state: Any = None) -> None:
         """Create the file with its header, or open it to continue.
 
         Raises:
             OSError: The file cannot be written.
             CommandError: The existing file was not written by a run.
         """
-        super().begin(outline, memory)
+        super().begin(layout, state)
         self.check_file()
-        if memory is not None and "bytes" not in memory:  # the earlier table has another format
-            memory = None
-        length, line = (int(memory["bytes"]), str(memory["line"])) if memory is not None else (0, "")
-        continued = memory is not None and _can_continue(self.path, self._head, length, line.encode())
+        if state is not None and "bytes" not in state:  # the earlier table has another format
+            state = None
+        length, line = (int(state["bytes"]), str(state["line"])) if state is not None else (0, "")
+        continued = state is not None and _can_continue(self.path, self._head, length, line.encode())
         if continued:
             self._stream = self.path.open("r+b", buffering=0)
             self._stream.truncate(length)
@@ -88,13 +88,13 @@ class CsvFile(FileTable):
         if not in_place:
             raise OSError(0, "it was removed or replaced while the run wrote to it")
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         """Return the number of rows received, the length of the file in bytes, and its last line."""
-        return {**super().memory(), "bytes": self._length, "line": self._line}
+        return {**super().state_dict(), "bytes": self._length, "line": self._line}
 
-    def reopen(self, outline: Outline, rows: int) -> None:
+    def reopen(self, layout: RunLayout, rows: int) -> None:
         """Continue the file that another process left, after its last whole line; see `FileTable.reopen`."""
-        super().begin(outline, {"rows": rows})
+        super().begin(layout, {"rows": rows})
         self._stream = self.path.open("r+b", buffering=0)
         self._length = _length_of_lines(self._stream)
         self._stream.seek(self._stream.truncate(self._length))

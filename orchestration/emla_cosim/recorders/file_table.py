@@ -13,7 +13,7 @@ import polars
 from ..base.arrays import Vector
 from ..base.output_files import OutputFile, has_record
 from ..base.signal_types import REAL
-from .recorder import Outline
+from .recorder import RunLayout
 from .table import Table
 
 _POLARS = {
@@ -55,9 +55,9 @@ class FileTable(Table):
     def __str__(self) -> str:
         return str(self.path)
 
-    def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Begin a table with the columns of the outline."""
-        super().begin(outline, memory)
+    def begin(self, layout: RunLayout, state: Any = None) -> None:
+        """Begin a table with the columns of the layout."""
+        super().begin(layout, state)
         self._waiting, self._waiting_count, self._failure, self._stored = [], 0, None, self._row_count
 
     def check_file(self) -> OutputFile:
@@ -104,11 +104,11 @@ class FileTable(Table):
         """Write rows; may raise OSError. Called in any thread, never in two."""
 
     @abstractmethod
-    def reopen(self, outline: Outline, rows: int) -> None:
+    def reopen(self, layout: RunLayout, rows: int) -> None:
         """Continue the table that another process left, after its last whole row. May raise OSError.
 
         Args:
-            outline: names and units of the rows.
+            layout: names and units of the rows.
             rows: number of rows of the run before the next one that `write` receives.
         """
 
@@ -135,10 +135,10 @@ class FileTable(Table):
         super().end()
         self.drain()
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         """Wait until all rows are stored, and return how many were received."""
         self.drain()
-        return super().memory()
+        return super().state_dict()
 
     def drain(self) -> None:
         """Wait until all rows are stored. Raises OSError if some cannot be stored."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..base.arrays import Vector
 from ..base.wording import format_count
-from .recorder import Outline, Recorder
+from .recorder import Recorder, RunLayout
 from .signal_figures import MAXIMUM, MINIMUM, SignalFigures
 
 Figures = Mapping[str, Mapping[str, Any]]
@@ -37,10 +37,10 @@ class Metrics(ABC):
     """Base class of metrics: computes metrics of one kind during a run.
 
     Attributes:
-        shown: metrics that tables show, in order.
+        displays: metrics that tables show, in order.
     """
 
-    shown: Sequence[MetricDisplay] = ()
+    displays: Sequence[MetricDisplay] = ()
 
     @abstractmethod
     def write(self, rows: Vector) -> None:
@@ -62,15 +62,15 @@ class Metrics(ABC):
         """Receive the error message of a run that ended before its stop time."""
 
     @abstractmethod
-    def memory(self) -> Any:
-        """Return plain data from which `remember` can continue."""
+    def state_dict(self) -> Any:
+        """Return plain data from which `load_state_dict` can continue."""
 
     @abstractmethod
-    def remember(self, memory: Any) -> None:
-        """Continue from what `memory` returned."""
+    def load_state_dict(self, state: Any) -> None:
+        """Continue from what `state_dict` returned."""
 
 
-METRICS: dict[str, Callable[[Outline], Metrics | None]] = {}
+METRICS: dict[str, Callable[[RunLayout], Metrics | None]] = {}
 """Functions that return the metrics of a run, or None, by the name of their part in metrics.json."""
 
 
@@ -113,21 +113,23 @@ class Figure:
 
 
 def list_figures(
-    metrics: Mapping[str, Figures], shown: Mapping[str, Sequence[MetricDisplay]] | None = None
+    metrics: Mapping[str, Figures], displays: Mapping[str, Sequence[MetricDisplay]] | None = None
 ) -> dict[str, Figure]:
     """Return the numbers and Booleans among metrics, by their names in requirements and sweeps.
 
     Args:
         metrics: metrics by kind, by object and by name.
-        shown: metrics that tables show, by kind.
+        displays: metrics that tables show, by kind.
     """
     figures = dict[str, Figure]()
     for kind, subjects in metrics.items():
-        displays = {display.name: display for display in (shown or {}).get(kind, ())}
+        display_by_name = {display.name: display for display in (displays or {}).get(kind, ())}
         for subject, values in subjects.items():
             for metric, value in values.items():
                 if isinstance(value, (bool, int, float)):
-                    figures[f"{subject}.{metric}"] = Figure(subject, metric, value, displays.get(metric))
+                    figures[f"{subject}.{metric}"] = Figure(
+                        subject, metric, value, display_by_name.get(metric)
+                    )
     return figures
 
 
@@ -187,14 +189,14 @@ class MetricsRecorder(Recorder):
         self.kinds: dict[str, Metrics] = {}
         self._signals: SignalFigures | None = None
 
-    def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Begin all metrics, or continue from a `memory`."""
-        kinds = {name: make(outline) for name, make in METRICS.items()}
+    def begin(self, layout: RunLayout, state: Any = None) -> None:
+        """Begin all metrics, or continue from a `state`."""
+        kinds = {name: make(layout) for name, make in METRICS.items()}
         self.kinds = {name: metrics for name, metrics in kinds.items() if metrics is not None}
         for name, metrics in self.kinds.items():
-            if memory is not None:
-                metrics.remember(memory["kinds"][name])
-        self._signals = SignalFigures(outline, None if memory is None else memory[SIGNALS])
+            if state is not None:
+                metrics.load_state_dict(state["kinds"][name])
+        self._signals = SignalFigures(layout, None if state is None else state[SIGNALS])
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
@@ -203,16 +205,16 @@ class MetricsRecorder(Recorder):
         assert self._signals is not None
         self._signals.write(rows)
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         """Return the state of all metrics."""
         assert self._signals is not None
-        kinds = {name: metrics.memory() for name, metrics in self.kinds.items()}
-        return {"kinds": kinds, SIGNALS: self._signals.memory()}
+        kinds = {name: metrics.state_dict() for name, metrics in self.kinds.items()}
+        return {"kinds": kinds, SIGNALS: self._signals.state_dict()}
 
     @property
-    def shown(self) -> dict[str, Sequence[MetricDisplay]]:
+    def displays(self) -> dict[str, Sequence[MetricDisplay]]:
         """Metrics that tables show, by kind."""
-        return {name: metrics.shown for name, metrics in self.kinds.items()}
+        return {name: metrics.displays for name, metrics in self.kinds.items()}
 
     def ended_early(self, problem: str) -> None:
         """Pass the error message of a run that ended before its stop time to all metrics."""

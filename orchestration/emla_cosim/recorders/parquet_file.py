@@ -15,7 +15,7 @@ from ..base.files import write_atomically
 from ..base.signal_types import COLUMN_TYPES, SignalType, read_types, write_types
 from ..base.units import COLUMN_UNITS
 from .file_table import FileTable, frame_rows
-from .recorder import Outline
+from .recorder import RunLayout
 
 _BLOCK = 2**20
 """Number of values in a block that is read."""
@@ -48,17 +48,17 @@ class ParquetFile(FileTable):
         super().__init__(path, overwrite)
         self._parts = parts_of(self.path)
 
-    def begin(self, outline: Outline, memory: Any = None) -> None:
+    def begin(self, layout: RunLayout, state: Any = None) -> None:
         """Create the folder of parts. If the run continues another one, its earlier rows are the first part.
 
         Raises:
             OSError: The folder cannot be created, or has files that no run wrote.
             CommandError: The existing file was not written by a run.
         """
-        self._begin_columns(outline, memory)
-        if memory is not None and "kept" not in memory:  # the earlier table has another format
-            memory = None
-        earlier = self._earlier(int(memory["kept"])) if memory is not None else None
+        self._begin_columns(layout, state)
+        if state is not None and "kept" not in state:  # the earlier table has another format
+            state = None
+        earlier = self._earlier(int(state["kept"])) if state is not None else None
         self._file = self.check_file()
         self._remove_parts()
         self._parts.mkdir()
@@ -67,18 +67,18 @@ class ParquetFile(FileTable):
             self._write_part(earlier)
             self.path.unlink(missing_ok=True)  # only a finished run has the file
 
-    def _begin_columns(self, outline: Outline, memory: Any = None) -> None:
-        super().begin(outline, memory)
-        units = {n: str(outline.units[i]) for n, i in zip(self.names[1:], outline.recorded, strict=True)}
+    def _begin_columns(self, layout: RunLayout, state: Any = None) -> None:
+        super().begin(layout, state)
+        units = {n: str(layout.units[i]) for n, i in zip(self.names[1:], layout.recorded, strict=True)}
         self._metadata = {
             COLUMN_UNITS: json.dumps({"time": "s"} | {n: u for n, u in units.items() if u != "None"})
         }
         if self.types:
             self._metadata[COLUMN_TYPES] = json.dumps(write_types(self.types))
 
-    def reopen(self, outline: Outline, rows: int) -> None:
+    def reopen(self, layout: RunLayout, rows: int) -> None:
         """Continue the parts that another process left; see `FileTable.reopen`."""
-        self._begin_columns(outline, {"rows": rows})
+        self._begin_columns(layout, {"rows": rows})
         self._file = self.check_file()
         if self.path.is_file():  # it has the rows of parts that are already removed
             self._remove_parts()
@@ -120,9 +120,9 @@ class ParquetFile(FileTable):
         except polars.exceptions.PolarsError:
             return False
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         """Return the numbers of rows received and of rows in the parts."""
-        return {**super().memory(), "kept": self._rows}
+        return {**super().state_dict(), "kept": self._rows}
 
     def open(self) -> None:
         """Read the column names from the file. Raises OSError or errors of polars."""

@@ -15,7 +15,7 @@ from ..master.stepping.timing import CommunicationPoints
 
 
 @dataclass(frozen=True)
-class Outline:
+class RunLayout:
     """What a recorder needs to know before the first row.
 
     Each row has the time in s, then all signals, as doubles: Booleans are 0 or 1, enumerations the numbers of
@@ -65,7 +65,7 @@ class Pause(Protocol):
         ...
 
     @property
-    def shown(self) -> Mapping[int, LinearTransformation]:
+    def transformations(self) -> Mapping[int, LinearTransformation]:
         """Transformations of signals that recorders get in another unit, by position."""
         ...
 
@@ -74,7 +74,7 @@ class Pause(Protocol):
         """Whether the last step is done."""
         ...
 
-    def memory(self) -> Mapping[str, Any]:
+    def state_dict(self) -> Mapping[str, Any]:
         """Pass all rows to the recorders, and return their states by key when all are stored."""
         ...
 
@@ -83,15 +83,15 @@ class Recorder:
     """Base class of recorders, which receive the rows of a run in blocks. This one ignores them.
 
     `begin` is called first and `end` last, whatever happens between. They and `write` may raise OSError.
-    Checkpoints keep what `memory` returns under `key`; `begin` gets it when a run continues there.
+    Checkpoints keep what `state_dict` returns under `key`; `begin` gets it when a run continues there.
 
     Examples:
         >>> import emla_cosim as ec
         >>> class Peak(ec.Recorder):
         ...     value = 0.0
         ...
-        ...     def begin(self, outline, memory=None):
-        ...         self.column = 1 + outline.names.index("lift.plant.v_L")
+        ...     def begin(self, layout, state=None):
+        ...         self.column = 1 + layout.names.index("lift.plant.v_L")
         ...
         ...     def write(self, rows):
         ...         self.value = max(self.value, abs(rows[:, self.column]).max())
@@ -103,12 +103,12 @@ class Recorder:
 
     key = ""
 
-    def begin(self, outline: Outline, memory: Any = None) -> None:
+    def begin(self, layout: RunLayout, state: Any = None) -> None:
         """Begin a run, or continue one.
 
         Args:
-            outline: names, units and times of the rows.
-            memory: what `memory` returned where the run continues; None for a new run.
+            layout: names, units and times of the rows.
+            state: what `state_dict` returned where the run continues; None for a new run.
         """
 
     def write(self, rows: Vector) -> None:
@@ -125,7 +125,7 @@ class Recorder:
     def end(self) -> None:
         """End the run and finish pending work."""
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         """Return plain data from which a recorder can continue, or None."""
 
     def map_rows(self, size: int) -> Any:
@@ -158,12 +158,12 @@ class ProgressRecorder(Recorder):
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
 
-    def begin(self, outline: Outline, memory: Any = None) -> None:
+    def begin(self, layout: RunLayout, state: Any = None) -> None:
         """Report the begin of the simulation."""
-        for note in outline.notes:
+        for note in layout.notes:
             self._progress.note(f"Note: {note}.")
         self._reported = 0
-        self._progress.begin("simulating", outline.times.steps)
+        self._progress.begin("simulating", layout.times.steps)
 
     def pause(self, run: Pause) -> None:
         """Report the steps since the last call."""

@@ -33,7 +33,7 @@ class RowBuffer:
         recorders: The recorders.
         every: Every `every`-th communication point is recorded.
         block_rows: Largest number of rows in a block.
-        shown: Transformations of signals that recorders get in another unit, by position.
+        transformations: Transformations of signals that recorders get in another unit, by position.
         texts: Positions in a row of Strings. A row that has one is passed on at once, because another process
             that finishes this run has no texts.
         map_rows: Returns memory of a size in bytes that outlives the process, or None.
@@ -45,12 +45,12 @@ class RowBuffer:
         recorders: Sequence[Recorder],
         every: int = 1,
         block_rows: int = BLOCK_ROWS,
-        shown: Mapping[int, LinearTransformation] | None = None,
+        transformations: Mapping[int, LinearTransformation] | None = None,
         texts: Sequence[int] = (),
         map_rows: Callable[[int], Any] = lambda size: None,
     ) -> None:
         self.every = every
-        self._recorders, self._shown, self._texts = recorders, shown or {}, list(texts)
+        self._recorders, self._shown, self._texts = recorders, transformations or {}, list(texts)
         self._block = max(min(block_rows, BLOCK_SIZE // (8 * width)), 1)
         blocks = max(RING_SIZE // (8 * width * self._block), LEAST_BLOCKS)
         mapped_rows = map_rows(blocks * self._block * width * 8)
@@ -109,11 +109,11 @@ class RowBuffer:
             raise failure
 
 
-def show_rows(rows: Vector, shown: Mapping[int, LinearTransformation]) -> Vector:
+def show_rows(rows: Vector, transformations: Mapping[int, LinearTransformation]) -> Vector:
     """Return rows with signals in the units of results, in new memory if there are any; see `RowBuffer`."""
-    if shown:
+    if transformations:
         rows = rows.copy()
-    for signal, transformation in shown.items():
+    for signal, transformation in transformations.items():
         column = rows[:, 1 + signal]
         column[:] = transformation.factor * column + transformation.offset
     return rows

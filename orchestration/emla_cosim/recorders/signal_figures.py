@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.arrays import Vector, read_stored_array
 from ..stepper.library import reduce_rows
-from .recorder import Outline
+from .recorder import RunLayout
 
 MINIMUM, MAXIMUM, RMS, FINAL = NAMES = ("minimum", "maximum", "rms", "final")
 """Names of the figures in metrics.json; each is in the signal's unit."""
@@ -22,18 +22,18 @@ class SignalFigures:
     NaN, and may be infinite if a value is. Strings have none.
     """
 
-    def __init__(self, outline: Outline, memory: Any = None) -> None:
-        """Begin, or continue from a `memory`; ValueError or KeyError if it is from another run."""
-        texts = set(outline.text_columns)
-        columns = [1 + i for i in outline.recorded if 1 + i not in texts]
-        self._names = [outline.names[i - 1] for i in columns]
-        has_all_columns = columns == list(range(1, 1 + len(outline.names)))
+    def __init__(self, layout: RunLayout, state: Any = None) -> None:
+        """Begin, or continue from a `state`; ValueError or KeyError if it is from another run."""
+        texts = set(layout.text_columns)
+        columns = [1 + i for i in layout.recorded if 1 + i not in texts]
+        self._names = [layout.names[i - 1] for i in columns]
+        has_all_columns = columns == list(range(1, 1 + len(layout.names)))
         self._columns = None if has_all_columns else np.array(columns, dtype=int)
         self._rows = 0
         self._values = np.full((len(NAMES), len(self._names)), np.nan)
-        if memory is not None:
-            self._rows = int(memory["rows"])
-            self._values = read_stored_array([memory[name] for name in NAMES], self._values.shape)
+        if state is not None:
+            self._rows = int(state["rows"])
+            self._values = read_stored_array([state[name] for name in NAMES], self._values.shape)
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
@@ -48,7 +48,7 @@ class SignalFigures:
             self._values = _merge_figures(self._values, self._rows, block, len(rows)) if self._rows else block
         self._rows += len(rows)
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return the state as plain data, from which another object can continue."""
         values = dict(zip(NAMES, self._values.tolist(), strict=True))
         return {"rows": self._rows, **values}

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.signal_types import SignalType
-from .recorder import Outline, Recorder
+from .recorder import Recorder, RunLayout
 
 
 class Table(Recorder):
@@ -25,15 +25,15 @@ class Table(Recorder):
 
     key = "table"
 
-    def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Begin a table with the columns of the outline."""
-        self.names = ["time", *(outline.names[i] for i in outline.recorded)]
-        self._columns = [0, *(1 + i for i in outline.recorded)]
-        self._has_all_signals = list(outline.recorded) == list(range(len(outline.names)))
-        self.types = {n: t for n, t in outline.types.items() if n in self.names}
-        self.texts = outline.texts
-        self._every = outline.every
-        self._row_count = int(memory["rows"]) if memory is not None else 0
+    def begin(self, layout: RunLayout, state: Any = None) -> None:
+        """Begin a table with the columns of the layout."""
+        self.names = ["time", *(layout.names[i] for i in layout.recorded)]
+        self._columns = [0, *(1 + i for i in layout.recorded)]
+        self._has_all_signals = list(layout.recorded) == list(range(len(layout.names)))
+        self.types = {n: t for n, t in layout.types.items() if n in self.names}
+        self.texts = layout.texts
+        self._every = layout.every
+        self._row_count = int(state["rows"]) if state is not None else 0
         self._last: Vector | None = None
 
     def write(self, rows: Vector) -> None:
@@ -52,7 +52,7 @@ class Table(Recorder):
         if last is not None:
             self.append(last)
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         """Return the number of rows received."""
         return {"rows": self._row_count}
 
@@ -92,9 +92,9 @@ class TimeSeries(Table):
         11
     """
 
-    def begin(self, outline: Outline, memory: Any = None) -> None:
+    def begin(self, layout: RunLayout, state: Any = None) -> None:
         """Begin an empty table, also in a run that continues another one."""
-        super().begin(outline, memory)
+        super().begin(layout, state)
         self._blocks: list[Vector] = []
 
     def append(self, rows: Vector) -> None:

@@ -18,7 +18,7 @@ from ..master.stepping.profiler import PACING, Profiler
 from ..master.stepping.stepping_base import RowSink, Stepping
 from ..recorders.bond_energies import BondEnergies
 from ..recorders.metrics import MetricsRecorder
-from ..recorders.recorder import Outline, Recorder, RecordingError, recording
+from ..recorders.recorder import Recorder, RecordingError, RunLayout, recording
 from ..recorders.row_buffer import RowBuffer
 from .coupling_summary import EARLIER_RUN, CouplingSummary
 from .requirements import Requirement, StopCondition, StoppingRows, describe_stop
@@ -40,7 +40,7 @@ class ActiveRun:
         conditions: The conditions of `stop_when`. The first row that meets one ends the run.
         fallback: A remark on the signals that are recorded because no FMU has an output.
         stepping: What does the steps; its algorithm is set up.
-        shown: Transformations of signals that recorders get in another unit, by position.
+        transformations: Transformations of signals that recorders get in another unit, by position.
         metrics: The recorder of the metrics, which is also among `recorders`.
         energies: The energies of the requested bonds, maybe of none.
         resumed: The checkpoint from which the run continues.
@@ -57,8 +57,8 @@ class ActiveRun:
     fallback: str | None
     stepping: Stepping
     coupling: CouplingSummary
-    outline: Outline
-    shown: Mapping[int, LinearTransformation]
+    layout: RunLayout
+    transformations: Mapping[int, LinearTransformation]
     metrics: MetricsRecorder
     energies: BondEnergies
     recorders: Sequence[Recorder]
@@ -73,10 +73,10 @@ class ActiveRun:
     def __post_init__(self) -> None:
         self._begun = list[Recorder]()
         self._buffer = RowBuffer(
-            1 + len(self.outline.names),
+            1 + len(self.layout.names),
             self._begun,
-            shown=self.shown,
-            texts=self.outline.text_columns,
+            transformations=self.transformations,
+            texts=self.layout.text_columns,
             map_rows=self._map_rows,
         )
         self._stopping = StoppingRows(self._buffer, self.conditions) if self.conditions else None
@@ -88,14 +88,14 @@ class ActiveRun:
         if self.profiler is not None:
             for recorder in self.recorders:
                 name = recorder.key or type(recorder).__name__
-                self.profiler.watch(name, recorder, "write", "pause", "memory", "end")
+                self.profiler.watch(name, recorder, "write", "pause", "state_dict", "end")
             if self.plan.pacing is not None:
                 self.profiler.watch(PACING, self.plan.pacing, "wait")
 
     @property
     def units(self) -> dict[str, SiUnit | None]:
         """Units of the signals by name."""
-        return dict(zip(self.outline.names, self.outline.units, strict=True))
+        return dict(zip(self.layout.names, self.layout.units, strict=True))
 
     @property
     def steps(self) -> int:
@@ -134,14 +134,14 @@ class ActiveRun:
             return None
         return self.profiler.report(self.wall_s)
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Pass all rows to the recorders, and return their memories by key."""
         self._buffer.flush()
         memories = {}
         for recorder in self._begun:
             if recorder.key:
                 with recording(recorder):
-                    memories[recorder.key] = recorder.memory()
+                    memories[recorder.key] = recorder.state_dict()
         return memories
 
     def begin(self) -> None:
@@ -153,7 +153,7 @@ class ActiveRun:
             memories = self.resumed.notes["recorders"] if self.resumed is not None else {}
             for recorder in self.recorders:
                 with recording(recorder):
-                    recorder.begin(self.outline, memories.get(recorder.key))
+                    recorder.begin(self.layout, memories.get(recorder.key))
                 self._begun.append(recorder)  # others get no rows, and are not ended
             self.stepping.algorithm.initialize(times.start, stop_time)
             if self.resumed is None:

@@ -259,8 +259,8 @@ def read_option(
         raise CommandError(f"there is no option '{name}'; {advice}", option=name)
     option = options[name]
     takes, unit = option.takes, option.unit
-    if option.alone and isinstance(value, bool):
-        return [option.alone] if value else []
+    if option.flag_value and isinstance(value, bool):
+        return [option.flag_value] if value else []
     if takes is not None and isinstance(value, takes):
         return value
     if unit and isinstance(value, str):

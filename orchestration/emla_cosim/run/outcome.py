@@ -13,7 +13,7 @@ from ..recorders.metrics import SIGNALS, Figures, list_figures
 from ..recorders.table import Table
 from .agreement import agreement_record, describe_disagreement, describe_missing_part
 from .execution import ActiveRun
-from .remarks import describe_disabled_event_mode, describe_idle_clocks, describe_lost_values
+from .remarks import describe_disabled_event_mode, describe_lost_values, describe_unscheduled_clocks
 from .requirements import describe_unmet
 from .result import Result
 from .run_record import build_run_record
@@ -47,7 +47,7 @@ def build_result(
         metrics.ended_early(end)
     report, times = stepping.report(), run.plan.times
     record = build_run_record(
-        name, run.definition, assembly, run.plan, run.outline, report, run.problem, unpacked
+        name, run.definition, assembly, run.plan, run.layout, report, run.problem, unpacked
     )
     record["accepted_faults"] = faults.list_by_file(unpacked)
     if run.stopped is not None:
@@ -62,7 +62,7 @@ def build_result(
         *faults.remarks(unpacked),
         *describe_disabled_event_mode(run.definition.system),
         *describe_lost_values(record),
-        *describe_idle_clocks(assembly.idle_clocks),
+        *describe_unscheduled_clocks(assembly.unscheduled_clocks),
         *(f"{text}." for text in assembly.violations),
         *filter(None, [run.fallback]),
         *describe_interval(run.plan),
@@ -79,11 +79,11 @@ def build_result(
     return Result(
         name=name,
         units=units,
-        types=run.outline.types,
+        types=run.layout.types,
         times=times,
         table=next((r for r in run.recorders if isinstance(r, Table)), None),
         metrics=metrics.figures(),
-        shown=metrics.shown,
+        displays=metrics.displays,
         remarks=record["remarks"],
         steps=run.steps,
         simulated_s=run.simulated_s,
@@ -97,7 +97,7 @@ def build_result(
         early_end=run.early_end,
         discrete=frozenset(name for name in units if assembly.names.find(name).is_discrete),
         record=record,
-        parameters=run.outline.parameters,
+        parameters=run.layout.parameters,
         signals=metrics.signals(),
         coupling={**coupling_figures, **run.energies.figures()},
         roles=run.plan.options.roles,

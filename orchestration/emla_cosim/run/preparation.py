@@ -17,7 +17,7 @@ from ..inputs.wired_inputs import wire_inputs
 from ..system.model import Component, ShortNameError, System, Value
 from ..system.names import Names
 from ..system.signal_faults import add_fault_components, wire_faults
-from ..system.structure import set_structure, structure_of
+from ..system.structure import find_changed_sizes, set_structure
 from ..system.vectors import connect_elements
 from .options import Options
 from .registered import following_values
@@ -89,7 +89,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
                 problems=[str(p) for p in fit.problems],
             )
         fmus[name], interfaces[name] = replacement.fmu, replacement_interfaces[name]
-        if sizes := structure_of(system.component(name), replacement_interfaces[name]):
+        if sizes := find_changed_sizes(system.component(name), replacement_interfaces[name]):
             raise CommandError(
                 f"'{replacement.fmu}' cannot replace {name}, which sets {join_names(sizes)}: the arrays of a "
                 "replacement keep their own sizes."

@@ -46,7 +46,7 @@ def _describe(name: str, value: Mapping[str, Any]) -> str:
     return f"{name} is {value['read']}{unit} instead of {value['set']}{unit}"
 
 
-def describe_idle_clocks(names: Sequence[str]) -> list[str]:
+def describe_unscheduled_clocks(names: Sequence[str]) -> list[str]:
     """Return a remark on triggered input clocks without a connection, by their full names."""
     if not names:
         return []

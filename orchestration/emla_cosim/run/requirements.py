@@ -148,11 +148,11 @@ class StopCondition:
 
     condition: Requirement
     column: int
-    shown: LinearTransformation
+    transformations: LinearTransformation
 
     def is_met(self, row: Vector) -> bool:
         """Return whether a row meets the condition; NaN does not."""
-        value = self.shown(float(row[self.column]))
+        value = self.transformations(float(row[self.column]))
         if isinstance(self.condition.value, bool):
             return not math.isnan(value) and self.condition.met_by(value != 0.0)
         return self.condition.met_by(value)

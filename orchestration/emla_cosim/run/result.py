@@ -43,7 +43,7 @@ class Result:
         times: start, stop and communication points, in s.
         table: recorder that kept the rows; None if no recorder keeps a table.
         metrics: metrics by kind, by object (such as the joint) and by name, as in metrics.json.
-        shown: labels and units of the metrics that tables show.
+        displays: labels and units of the metrics that tables show.
         remarks: warnings to read before the metrics.
         steps: number of communication steps of this run.
         simulated_s: simulated time of this run, in s.
@@ -80,7 +80,7 @@ class Result:
     times: CommunicationPoints
     table: Table | None
     metrics: Mapping[str, Figures]
-    shown: Mapping[str, Sequence[MetricDisplay]]
+    displays: Mapping[str, Sequence[MetricDisplay]]
     remarks: Sequence[str]
     steps: int
     simulated_s: float
@@ -298,7 +298,7 @@ class Result:
             report=report,
             overwrite=overwrite,
         )
-        with output.alone():
+        with output.reserve():
             output.write_table(self)
             return output.save(self, plots, animated=animate, report=report)
 

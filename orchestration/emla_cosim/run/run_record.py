@@ -13,7 +13,7 @@ from ..base.option import FileOrObject, Option
 from ..base.signal_types import COLUMN_TYPES, write_types
 from ..master.algorithms.algorithm import Algorithm
 from ..master.assembly import Assembly
-from ..recorders.recorder import Outline
+from ..recorders.recorder import RunLayout
 from ..system.model import System
 from .options import Options, list_options
 from .origin import RunOrigin
@@ -94,7 +94,7 @@ def build_run_record(
     definition: RunDefinition,
     assembly: Assembly,
     plan: RunPlan,
-    outline: Outline,
+    layout: RunLayout,
     stepping: Mapping[str, Any],
     problem: str | None,
     unpacked: Path | None,
@@ -103,8 +103,8 @@ def build_run_record(
 
     `problem` says why the run ended early. FMUs in the folder `unpacked` have their names in the package.
     """
-    system, origin, types = definition.system, plan.origin, outline.types
-    units = zip(outline.names, outline.units, strict=True)
+    system, origin, types = definition.system, plan.origin, layout.types
+    units = zip(layout.names, layout.units, strict=True)
     return {
         "scenario": scenario,
         "source": origin.source,
@@ -122,7 +122,7 @@ def build_run_record(
                 "guid": assembly.files[c.name].description.guid,
                 "parameters": dict(c.parameters),
                 "changed": assembly.list_non_default_values(c),
-                "not_taken": assembly.list_lost_values(c),
+                "not_taken": assembly.list_rejected_start_values(c),
                 "tolerance": assembly.instances[c.name].tolerance,
                 "mapping": {n: f"{a.variable} = {n} {a.transformation}" for n, a in c.aliases.items()},
             }

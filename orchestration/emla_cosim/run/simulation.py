@@ -22,7 +22,7 @@ from ..fmu.variables import convert_start_value
 from ..inputs.loaded_input import DataSpan
 from ..master.assembly import Assembly
 from ..master.coupling.estimate import CouplingError
-from ..master.instances.in_process_instance import is_dead
+from ..master.instances.in_process_instance import is_unusable
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.stepping_base import ROUNDING, Stepping
 from ..recorders.metrics import default_roles
@@ -139,9 +139,9 @@ class Simulation:
                 self._finalizer()
 
     @property
-    def is_dead(self) -> bool:
+    def is_unusable(self) -> bool:
         """Whether an FMU returned fmi2Fatal. Then this cannot run again; another simulation can."""
-        return any(map(is_dead, self._assembly.files.values()))
+        return any(map(is_unusable, self._assembly.files.values()))
 
     @property
     def names(self) -> list[str]:
@@ -151,7 +151,7 @@ class Simulation:
     @property
     def further_names(self) -> list[str]:
         """Names of all other variables that the option `signals` can name."""
-        return [name for name in self._assembly.unexchanged if name not in self.units]
+        return [name for name in self._assembly.unconnected_variables if name not in self.units]
 
     def select_signals(self, patterns: Sequence[str]) -> list[str]:
         """Return the signals that patterns of the option `signals` name; without any, all outputs.

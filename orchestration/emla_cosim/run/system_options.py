@@ -164,7 +164,7 @@ class SystemOptions:
         help="Run a co-simulation FMU of FMI 3.0 without event mode and early return, although it has event "
         "mode (repeatable; * matches any text). Without a name: all components.",
         metavar="[COMPONENT]",
-        alone="*",
+        flag_value="*",
     )
     integrate_together: bool = _loading_option(
         True,
@@ -180,7 +180,7 @@ class SystemOptions:
         "* matches any text). Without a name: all components.",
         metavar="[COMPONENT]",
         commands=(RUN, SWEEP, COMPARE),
-        alone="*",
+        flag_value="*",
     )
     lenient: bool = _loading_option(
         False,

@@ -17,7 +17,7 @@ from ..master.stepping.stepping_base import Stepping
 from ..recorders.bond_energies import COUPLING, BondEnergies, make_bond_energies
 from ..recorders.checkpoints import Checkpoints, find_resumable_checkpoint
 from ..recorders.metrics import SIGNALS, Figures, MetricsRecorder, list_figures
-from ..recorders.recorder import Outline, Recorder
+from ..recorders.recorder import Recorder, RunLayout
 from ..recorders.table import Table, TimeSeries
 from ..system.model import System
 from .agreement import find_common_signals
@@ -45,13 +45,13 @@ def wire_run(
     Raises:
         CommandError: An option does not fit the system.
     """
-    options, unexchanged, fallback = plan.options, assembly.unexchanged, None
+    options, unconnected_variables, fallback = plan.options, assembly.unconnected_variables, None
     if not plan.recorded:
-        recorded, fallback = choose_fallback_signals(unexchanged.values())
+        recorded, fallback = choose_fallback_signals(unconnected_variables.values())
         plan = replace(plan, recorded=recorded)
     observed = dict.fromkeys([*assembly.outputs, *plan.recorded, *(c.figure for c in plan.conditions)])
     # the network has exchanged variables and outputs; others are read in addition
-    assembly.observe([name for name in observed if name in unexchanged], plan.every)
+    assembly.observe([name for name in observed if name in unconnected_variables], plan.every)
     with contextlib.ExitStack() as on_error:
         profiler = None
         if options.profile:
@@ -79,23 +79,23 @@ def wire_run(
         coupling = CouplingSummary.of(
             stepping.algorithm, stepping, assembly.sampling, options.estimate_coupling
         )
-        outline = _make_outline(plan, assembly, stepping)
-        requirements = _resolve_requirements(plan, outline, coupling, energies, system.main_name)
+        layout = _make_outline(plan, assembly, stepping)
+        requirements = _resolve_requirements(plan, layout, coupling, energies, system.main_name)
         plan = replace(plan, requirements=requirements)
-        position = {name: i for i, name in enumerate(outline.names)}
+        position = {name: i for i, name in enumerate(layout.names)}
         run = ActiveRun(
             plan,
             definition,
             [
                 # the first number of a row is the time
-                StopCondition(c, 1 + (i := position[c.figure]), assembly.shown.get(i, IDENTITY))
+                StopCondition(c, 1 + (i := position[c.figure]), assembly.transformations.get(i, IDENTITY))
                 for c in plan.conditions
             ],
             fallback,
             stepping,
             coupling,
-            outline,
-            assembly.shown,
+            layout,
+            assembly.transformations,
             metrics,
             energies,
             all_recorders,
@@ -118,7 +118,7 @@ def _make_stepping(plan: RunPlan, system: System, assembly: Assembly) -> Steppin
         lambda: input_events(options.input, options.fault, assembly.parameters(), times.start, times.stop),
         lambda: row_distance(options.input),
     )
-    return plan.control.stepping(plan.algorithm, request)
+    return plan.control.make_stepping(plan.algorithm, request)
 
 
 def _make_energies(plan: RunPlan, system: System, assembly: Assembly) -> BondEnergies:
@@ -154,14 +154,14 @@ def _open_checkpoints(
     return [Checkpoints(file, identity)], resumed
 
 
-def _make_outline(plan: RunPlan, assembly: Assembly, stepping: Stepping) -> Outline:
+def _make_outline(plan: RunPlan, assembly: Assembly, stepping: Stepping) -> RunLayout:
     options, network, algorithm = plan.options, assembly.network, stepping.algorithm
     names = [*network.names, *network.observer.names]
     position = {name: i for i, name in enumerate(names)}
     signals = [assembly.names.find(name) for name in names]
     pairs = zip(network.instances, algorithm.multiples, strict=True)
     types = {name: signal.column_type for name, signal in zip(names, signals, strict=True)}
-    return Outline(
+    return RunLayout(
         names,
         [signal.unit for signal in signals],
         plan.times,
@@ -171,21 +171,23 @@ def _make_outline(plan: RunPlan, assembly: Assembly, stepping: Stepping) -> Outl
         options.roles,
         options.criteria,
         multiples={x.name: int(n) for x, n in pairs if n > 1},
-        types={n: t for n, t in types.items() if t.is_discrete and position[n] not in assembly.shown},
+        types={
+            n: t for n, t in types.items() if t.is_discrete and position[n] not in assembly.transformations
+        },
         texts=network.observer.texts,
         notes=stepping.notes(),
     )
 
 
 def _resolve_requirements(
-    plan: RunPlan, outline: Outline, coupling: CouplingSummary, energies: BondEnergies, main: str
+    plan: RunPlan, layout: RunLayout, coupling: CouplingSummary, energies: BondEnergies, main: str
 ) -> Sequence[Requirement]:
     """Return the requirements with full names. Raise CommandError for figures that do not exist."""
     if not plan.requirements:
         return ()
     # one of its own, because that of the run begins with the run
     recorder = MetricsRecorder()
-    recorder.begin(outline)
+    recorder.begin(layout)
     kinds: dict[str, Figures] = {**recorder.figures(), SIGNALS: recorder.signals()}
     if figures := {**coupling.figures(None), **energies.figures()}:
         kinds[COUPLING] = figures

@@ -99,7 +99,7 @@ class StepperLibrary:
     why_not_kept: str = ""
 
 
-def native_sources() -> dict[str, bytes]:
+def read_native_sources() -> dict[str, bytes]:
     """Return the C files by name."""
     folder = files("emla_cosim.stepper").joinpath("native")
     return {f.name: f.read_bytes() for f in sorted(folder.iterdir(), key=lambda f: f.name) if f.is_file()}
@@ -124,7 +124,7 @@ def load_stepper() -> StepperLibrary:
     Raises:
         StepperBuildError: They cannot be built or loaded.
     """
-    sources, platform = native_sources(), host_platform()
+    sources, platform = read_native_sources(), host_platform()
     if platform not in TARGETS:
         raise StepperBuildError(f"there is no compiler for the platform '{platform}'.")
     name = _name_library(sources, platform)
@@ -152,7 +152,7 @@ def prebuild_stepper(platform: str) -> Path:
     Raises:
         StepperBuildError: They cannot be built.
     """
-    sources = native_sources()
+    sources = read_native_sources()
     path = cache_folder() / _CODE / _name_library(sources, platform)
     if not path.is_file():
         _write_library(path, _build(sources, platform))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.arrays import Vector, read_stored_array
 from ..recorders.metrics import Figures, MetricDisplay, Metrics
-from ..recorders.recorder import Outline
+from ..recorders.recorder import RunLayout
 from .criteria import format_length
 
 BRAKES = "brakes"
@@ -32,9 +32,9 @@ class BrakeFigures:
     release_error_m: float
 
 
-def create_brake_metrics(context: Outline) -> "BrakeMetrics | None":
+def create_brake_metrics(layout: RunLayout) -> "BrakeMetrics | None":
     """Return the metrics of all holding brakes of a run; None without any."""
-    column = {name: i + 1 for i, name in enumerate(context.names)}
+    column = {name: i + 1 for i, name in enumerate(layout.names)}
     names = [name.removesuffix(_SIGNALS[0]) for name in column if name.endswith(f".{_SIGNALS[0]}")]
     signals = {name: [f"{name}{signal}" for signal in _SIGNALS] for name in names}
     joints = {
@@ -45,7 +45,7 @@ def create_brake_metrics(context: Outline) -> "BrakeMetrics | None":
     if not joints:
         return None
     torques, resistances = (
-        [context.parameters.get(f"{joint}.plant.{name}", np.nan) for joint in joints]
+        [layout.parameters.get(f"{joint}.plant.{name}", np.nan) for joint in joints]
         for name in ("brake.torque", "motor.R_s")
     )
     return BrakeMetrics(list(joints), list(joints.values()), torques, resistances)
@@ -54,7 +54,7 @@ def create_brake_metrics(context: Outline) -> "BrakeMetrics | None":
 class BrakeMetrics(Metrics):
     """Figures by joint, from every communication point."""
 
-    shown = (
+    displays = (
         MetricDisplay("brake_slip_m", "slip of the brake", 1e6, "µm", "m"),
         MetricDisplay("release_error_m", "position error as the brake opens", 1e6, "µm", "m"),
         MetricDisplay("hold_copper_loss_J", "copper loss in hold phases", 1.0, "J"),
@@ -115,14 +115,14 @@ class BrakeMetrics(Metrics):
         values = zip(*(column.tolist() for column in columns), strict=True)
         return {joint: asdict(BrakeFigures(*row)) for joint, row in zip(self._joints, values, strict=True)}
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         """Return the state as plain data."""
         return {name: np.asarray(getattr(self, name)).tolist() for name in _STATE}
 
-    def remember(self, memory: Any) -> None:
-        """Continue from `memory`; raise KeyError or ValueError if it belongs to another run."""
+    def load_state_dict(self, state: Any) -> None:
+        """Continue from `state`; raise KeyError or ValueError if it belongs to another run."""
         for name in _STATE:
-            value = read_stored_array(memory[name], np.shape(getattr(self, name)))
+            value = read_stored_array(state[name], np.shape(getattr(self, name)))
             setattr(self, name, value if value.ndim else float(value))
 
 

@@ -54,7 +54,7 @@ class Criteria:
 _FIELDS = {f.name: f for f in fields(Criteria)}
 
 
-def criteria_of(joints: Collection[str], values: Mapping[str, float | str]) -> dict[str, Criteria]:
+def resolve_criteria(joints: Collection[str], values: Mapping[str, float | str]) -> dict[str, Criteria]:
     """Return the criteria of each joint.
 
     Args:

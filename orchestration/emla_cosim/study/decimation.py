@@ -126,14 +126,14 @@ class SampleRates:
             gains *= np.square(np.sinc(frequencies / rate) / np.sinc(frequencies / (rate * _FACTOR)))
         return gains
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return the state as plain data."""
         filled = min(self.count, CHUNK)
         arrays = [self._chunk[:, :filled], *self._lower, *self._last_sums]
         # lists of numbers would take many times the room in a checkpoint
         return {"count": self.count, "arrays": [base64.b64encode(x.tobytes()).decode() for x in arrays]}
 
-    def remember(self, state: Mapping[str, Any]) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continue from a state; raise ValueError, TypeError or KeyError if it is of another run."""
         channels = len(self._chunk)
         first, *encoded = (base64.b64decode(x) for x in state["arrays"])

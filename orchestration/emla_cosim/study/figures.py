@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ..pages.panels import Limit
 from ..views.plots.pictures import Bound, Curve, Find, PanelSpec, Part, Picture, RangeLimit
 from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
-from .criteria import criteria_of
+from .criteria import resolve_criteria
 from .roles import RoleNames, find_variable
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class PositionWindow(Bound):
         """Return the window, from the option `criteria`."""
         joints = result.metrics["joints"]
         settings = result.record.get("settings", {})
-        window = self.scale * criteria_of(joints, settings.get("criteria", {}))[column].position_window
+        window = self.scale * resolve_criteria(joints, settings.get("criteria", {}))[column].position_window
         return Limit("position window", -window, window)
 
 

@@ -182,12 +182,12 @@ class _Samples:
         time, rise = np.array([*zip(self._times, self._rises, strict=True), self._last]).T
         return (time, rise) if len(time) < 2 or time[-1] > time[-2] else (time[:-1], rise[:-1])
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return the state as plain data."""
         state = {"times": self._times, "rises": self._rises, "last": self._last}
         return {"interval": self._interval, **{name: list(values) for name, values in state.items()}}
 
-    def remember(self, state: Mapping[str, Any]) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continue from a stored state; raise KeyError or ValueError if it belongs to another run."""
         self._interval = float(state["interval"])
         self._times = read_stored_array(state["times"], (len(state["times"]),)).tolist()
@@ -253,11 +253,11 @@ class HeatWatch:
             return None
         return self._windings[joint].repeat(time, rise)
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return the state as plain data, by number of the joint."""
-        return {str(joint): samples.memory() for joint, samples in self._samples.items()}
+        return {str(joint): samples.state_dict() for joint, samples in self._samples.items()}
 
-    def remember(self, state: Mapping[str, Any]) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continue from a stored state; raise KeyError or ValueError if it belongs to another run."""
         for joint, samples in self._samples.items():
-            samples.remember(state[str(joint)])
+            samples.load_state_dict(state[str(joint)])

@@ -115,12 +115,12 @@ def ideal_sensors(system: System) -> dict[str, Value]:
     return {f"{c.name}.{p}": 0.0 for c in system.components for p in faults.get(str(c.model), ())}
 
 
-def position_loop(joint: str) -> str:
+def name_position_loop(joint: str) -> str:
     """Return the connection at which the position loop of a joint is opened: its measured position."""
     return f"{joint}.plant.x_measured -> {joint}.observer.y"
 
 
-def current_reference(joint: str) -> str:
+def name_current_path(joint: str) -> str:
     """Return the path on which a joint's loop is opened at its current reference.
 
     A controller adds the reference acceleration, divided by the inertia's share, to this current.
@@ -135,7 +135,7 @@ class Joint:
     components: tuple[Component, ...]
     wires: tuple[str, ...]
 
-    def alone(self) -> System:
+    def to_system(self) -> System:
         """Return the joint as a system of its own."""
         return System(self.components, ()).with_connections(*self.wires)
 

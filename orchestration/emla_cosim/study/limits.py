@@ -209,7 +209,7 @@ class LimitWatch:
             return
         self._touches[watched.joint][watched.signal] = touch
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return the state as plain data."""
         trips = {joint: asdict(trip) for joint, trip in self._trips.items()}
         touches = {
@@ -218,7 +218,7 @@ class LimitWatch:
         }
         return {"trips": trips, "touches": touches}
 
-    def remember(self, state: Mapping[str, Any]) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continue from a stored state; raise KeyError or ValueError if it is damaged."""
         signals = {watched.signal for watched in self._watched}
         self._trips = {joint: _read_violation(Trip, trip, signals) for joint, trip in state["trips"].items()}

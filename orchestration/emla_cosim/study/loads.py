@@ -13,8 +13,8 @@ import numpy as np
 
 from ..base.arrays import Vector, read_stored_array
 from ..recorders.metrics import Figures, MetricDisplay
-from ..recorders.recorder import Outline
-from .criteria import EVALUATED_AFTER, TOO_SHORT, criteria_of, format_length
+from ..recorders.recorder import RunLayout
+from .criteria import EVALUATED_AFTER, TOO_SHORT, format_length, resolve_criteria
 from .roles import RoleNames, describe_error, find_all_joints, find_values, find_variable
 from .settling import Settling, VerdictMetrics
 
@@ -70,24 +70,24 @@ _DISPLAYS = (
 )
 
 
-def create_load_metrics(context: Outline) -> "LoadMetrics | None":
+def create_load_metrics(layout: RunLayout) -> "LoadMetrics | None":
     """Return the metrics of all loads of a run that are not rigid; None if it has none."""
-    column = RoleNames((name, i + 1) for i, name in enumerate(context.names))
-    parameters, loads = RoleNames(context.parameters), list[WatchedLoad]()
-    for joint in find_all_joints(context.names, context.roles):
-        names = [find_variable(joint, role, column, context.roles) for role in _ROLES]
+    column = RoleNames((name, i + 1) for i, name in enumerate(layout.names))
+    parameters, loads = RoleNames(layout.parameters), list[WatchedLoad]()
+    for joint in find_all_joints(layout.names, layout.roles):
+        names = [find_variable(joint, role, column, layout.roles) for role in _ROLES]
         columns = [column[name] for name in names if name is not None]
         if len(columns) < len(_ROLES):
             continue
         # only a sensor at the load has a feedback, and so a correction
-        correction = find_variable(joint, "z", column, context.roles)
+        correction = find_variable(joint, "z", column, layout.roles)
         loads.append(
             WatchedLoad(
                 joint,
                 columns,
                 describe_error(joint, str(names[_ROLES.index("x_s")])),
                 None if correction is None else column[correction],
-                *find_values(joint, parameters, context.roles, "z_max"),
+                *find_values(joint, parameters, layout.roles, "z_max"),
             )
         )
     if not loads:
@@ -95,7 +95,7 @@ def create_load_metrics(context: Outline) -> "LoadMetrics | None":
     joints = [load.joint for load in loads]
     criteria = {
         joint_criterion: value
-        for joint_criterion, value in context.criteria.items()
+        for joint_criterion, value in layout.criteria.items()
         if joint_criterion.rpartition(".")[0] in ("*", *joints)
     }
     return LoadMetrics(loads, criteria)
@@ -104,14 +104,14 @@ def create_load_metrics(context: Outline) -> "LoadMetrics | None":
 class LoadMetrics(VerdictMetrics):
     """Figures by joint; they count from when joint and load have settled, or from 0.3 s."""
 
-    shown = (MetricDisplay("load_within_window", "load within window"), *_DISPLAYS)
+    displays = (MetricDisplay("load_within_window", "load within window"), *_DISPLAYS)
 
     def __init__(self, loads: Sequence[WatchedLoad], criteria: Mapping[str, float | str]) -> None:
         """Take the loads to watch, and values of the option `criteria`."""
         super().__init__([load.joint for load in loads])
         self._loads = loads
         self._columns = np.array([load.columns for load in loads]).T
-        criteria_by_joint = criteria_of(self._joints, criteria)
+        criteria_by_joint = resolve_criteria(self._joints, criteria)
         self._windows = [criteria_by_joint[joint].position_window for joint in self._joints]
         self._settling = Settling([criteria_by_joint[joint] for joint in self._joints])
         self._load_settling = Settling([criteria_by_joint[joint] for joint in self._joints])
@@ -142,7 +142,7 @@ class LoadMetrics(VerdictMetrics):
                 if at_limit.any():
                     self._limited_at[number] = float(time[at_limit.argmax()])
         self._last, self._final = float(time[-1]), size[:, -1]
-        self.shown = _DISPLAYS if self._is_short else type(self).shown
+        self.displays = _DISPLAYS if self._is_short else type(self).displays
         earliest = self._start + EVALUATED_AFTER
         for joint in range(len(self._joints)):
             settled = max(self._settling.settled_at(joint), self._load_settling.settled_at(joint))
@@ -227,18 +227,22 @@ class LoadMetrics(VerdictMetrics):
         has_verdict = self._settling.is_settled(number) or not math.isnan(self._not_finite[number])
         return self._describe_problem(number) if has_verdict else None
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         """Return the state as plain data."""
         state = {name: np.asarray(getattr(self, name)).tolist() for name in _STATE}
-        return {"own": state, "settling": self._settling.memory(), "load": self._load_settling.memory()}
+        return {
+            "own": state,
+            "settling": self._settling.state_dict(),
+            "load": self._load_settling.state_dict(),
+        }
 
-    def remember(self, memory: Any) -> None:
-        """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
+    def load_state_dict(self, state: Any) -> None:
+        """Continue from `state`; raise ValueError or KeyError if it belongs to another run."""
         for name in _STATE:
-            value = read_stored_array(memory["own"][name], np.shape(getattr(self, name)))
+            value = read_stored_array(state["own"][name], np.shape(getattr(self, name)))
             setattr(self, name, value if value.ndim else float(value))
-        self._settling.remember(memory["settling"])
-        self._load_settling.remember(memory["load"])
+        self._settling.load_state_dict(state["settling"])
+        self._load_settling.load_state_dict(state["load"])
 
 
 _STATE = (

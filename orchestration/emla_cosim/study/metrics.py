@@ -12,8 +12,8 @@ import numpy as np
 
 from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
 from ..recorders.metrics import HELD, Figures, MetricDisplay
-from ..recorders.recorder import Outline
-from .criteria import EVALUATED_AFTER, TOO_SHORT, criteria_of, format_length
+from ..recorders.recorder import RunLayout
+from .criteria import EVALUATED_AFTER, TOO_SHORT, format_length, resolve_criteria
 from .heat import HeatWatch
 from .idealisations import list_idealisations
 from .limits import LimitWatch, Trip, find_torque_limit
@@ -120,22 +120,22 @@ CONVERGENCE_TIME = MetricDisplay("convergence_time_s", "convergence time", 1e3, 
 """The paper's figures, for tables beside its own."""
 
 
-def create_joint_metrics(context: Outline) -> "JointMetrics | None":
+def create_joint_metrics(layout: RunLayout) -> "JointMetrics | None":
     """Return the metrics of all joints of a run; None if it has no joints.
 
     Raises:
         CommandError: Roles or criteria are wrong.
     """
-    check_roles(context.roles, context.names, context.parameters)
-    sampled = {name: n * context.times.step for name, n in context.multiples.items()}
+    check_roles(layout.roles, layout.names, layout.parameters)
+    sampled = {name: n * layout.times.step for name, n in layout.multiples.items()}
     metrics = JointMetrics(
-        context.names,
-        context.parameters,
-        context.roles,
-        context.criteria,
+        layout.names,
+        layout.parameters,
+        layout.roles,
+        layout.criteria,
         sampled,
-        context.times.start,
-        create_load_metrics(context),
+        layout.times.start,
+        create_load_metrics(layout),
     )
     return metrics if metrics.joints else None
 
@@ -147,7 +147,7 @@ class JointMetrics(VerdictMetrics):
     reference.
     """
 
-    shown = (_VERDICT, _HEAT, *_DISPLAYS)
+    displays = (_VERDICT, _HEAT, *_DISPLAYS)
 
     def __init__(
         self,
@@ -187,7 +187,7 @@ class JointMetrics(VerdictMetrics):
             if all(by_role[role] is not None for role in (_TRACKED if joint in with_roles else _REQUIRED))
         }
         super().__init__(list(signals))
-        self._criteria = criteria_of(self._joints, criteria or {})
+        self._criteria = resolve_criteria(self._joints, criteria or {})
         joint_criteria = [self._criteria[joint] for joint in self._joints]
         # signals that a joint lacks are read from an added column of NaN
         self._columns = np.array(
@@ -215,7 +215,7 @@ class JointMetrics(VerdictMetrics):
         displays = _DISPLAYS if loads is None else SHOWN_WITH_LOAD
         self._displays = (_HEAT, *displays) if self._heat.columns else displays
         self._verdict = _VERDICT if loads is None else _VERDICT_WITH_LOAD
-        self.shown = (self._verdict, *self._displays)
+        self.displays = (self._verdict, *self._displays)
         self._parameters, self._roles = parameters, roles
         self._errors = [describe_error(joint, str(by_role["x_c"])) for joint, by_role in signals.items()]
         """How messages call the position errors."""
@@ -304,7 +304,7 @@ class JointMetrics(VerdictMetrics):
         self._limited += count_true_per_row(limited)
         self._rows += len(rows)
         self._last, self._final = float(time[-1]), distance[:, -1].copy()
-        self.shown = self._displays if self._is_short else (self._verdict, *self._displays)
+        self.displays = self._displays if self._is_short else (self._verdict, *self._displays)
 
     def _hold_after_trips(self, time: Vector, signals: Vector) -> None:
         """Replace the signals of joints after their trips by those of the trip: figures end there.
@@ -372,23 +372,27 @@ class JointMetrics(VerdictMetrics):
                 flags = is_moving[joints, start:], limited[joints, start:]
                 self._tracking.write(joints, time[start:], steps[start:], part, *flags)
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         """Return the state as plain data."""
         state = {name: np.asarray(getattr(self, name)).tolist() for name in _STATE}
-        loads = None if self._loads is None else self._loads.memory()
-        return {"own": state, "loads": loads, **{name: getattr(self, f"_{name}").memory() for name in _PARTS}}
+        loads = None if self._loads is None else self._loads.state_dict()
+        return {
+            "own": state,
+            "loads": loads,
+            **{name: getattr(self, f"_{name}").state_dict() for name in _PARTS},
+        }
 
-    def remember(self, memory: Any) -> None:
-        """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
+    def load_state_dict(self, state: Any) -> None:
+        """Continue from `state`; raise ValueError or KeyError if it belongs to another run."""
         for name in _STATE:
-            value = read_stored_array(memory["own"][name], np.shape(getattr(self, name)))
+            value = read_stored_array(state["own"][name], np.shape(getattr(self, name)))
             setattr(self, name, value if value.ndim else float(value))
         # stored states have floats only
         self._rows = int(self._rows)
         for name in _PARTS:
-            getattr(self, f"_{name}").remember(memory[name])
+            getattr(self, f"_{name}").load_state_dict(state[name])
         if self._loads is not None:
-            self._loads.remember(memory["loads"])
+            self._loads.load_state_dict(state["loads"])
 
     def remarks(self) -> Sequence[str]:
         """Return which windings get too hot, why joints are not held, and which limits they touched.

@@ -308,15 +308,15 @@ class OscillationWatch:
             worst, oscillation = oscillation, worst
         self._worst[joint] = _merge(oscillation, worst)
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return the state as plain data."""
         return {
             **{name: np.asarray(getattr(self, f"_{name}")).tolist() for name in _STATE},
-            "rates": None if self._rates is None else self._rates.memory(),
+            "rates": None if self._rates is None else self._rates.state_dict(),
             "worst": {str(joint): vars(oscillation) for joint, oscillation in self._worst.items()},
         }
 
-    def remember(self, state: Mapping[str, Any]) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continue from a stored state; raise ValueError or KeyError if it belongs to another run."""
         self._restart(float(state["start"]), float(state["step"]))
         self._last_time = float(state["last_time"])
@@ -324,7 +324,7 @@ class OscillationWatch:
         for name in ("since", "largest"):
             setattr(self, f"_{name}", read_stored_array(state[name], (len(self._joints),)))
         if self._rates is not None:
-            self._rates.remember(state["rates"])
+            self._rates.load_state_dict(state["rates"])
         self._worst = {int(joint): Oscillation(**values) for joint, values in state["worst"].items()}
 
 

@@ -94,11 +94,11 @@ class Settling:
         else:
             self._entered[joint] = float(entries[-1]) if inside[-1] else np.nan
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return the state as plain data."""
         return {"entered": self._entered, "settled": self._settled}
 
-    def remember(self, state: Mapping[str, Any]) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continue from a stored state; raise ValueError or KeyError if it belongs to another run."""
         self._entered = read_stored_array(state["entered"], (len(self._times),)).tolist()
         self._settled = [bool(x) for x in read_stored_array(state["settled"], (len(self._times),))]

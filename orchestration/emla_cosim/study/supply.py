@@ -13,7 +13,7 @@ from emla_fmu.shared_supply import JOINTS
 from ..base.arrays import Vector, read_stored_array
 from ..base.errors import CommandError
 from ..recorders.metrics import Figures, MetricDisplay, Metrics
-from ..recorders.recorder import Outline
+from ..recorders.recorder import RunLayout
 from ..run.options import Options
 from ..system.model import Component, System, Value
 from .actuator.model_parameters import get_number
@@ -141,9 +141,9 @@ _ENERGIES = ("source.energy", "source.loss", "joint.drawn", "joint.returned", "c
 _VOLTAGE = "link.u"
 
 
-def create_supply_metrics(context: Outline) -> "SupplyMetrics | None":
+def create_supply_metrics(layout: RunLayout) -> "SupplyMetrics | None":
     """Return the metrics of a run's shared supply; None without one."""
-    column = {name: i + 1 for i, name in enumerate(context.names)}
+    column = {name: i + 1 for i, name in enumerate(layout.names)}
     names = [f"{SUPPLY}.{name}" for name in (*_ENERGIES, _VOLTAGE)]
     if not all(name in column for name in names):
         return None
@@ -153,7 +153,7 @@ def create_supply_metrics(context: Outline) -> "SupplyMetrics | None":
 class SupplyMetrics(Metrics):
     """Energies at the end of a run, and extremes of the voltage."""
 
-    shown = (
+    displays = (
         MetricDisplay("source_energy_J", "energy from the source", 1e-3, "kJ"),
         MetricDisplay("regenerated_energy_J", "regenerated energy", 1e-3, "kJ"),
         MetricDisplay("reused_energy_J", "reused energy", 1e-3, "kJ"),
@@ -192,11 +192,11 @@ class SupplyMetrics(Metrics):
         )
         return {SUPPLY: vars(figures)}
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         """Return the state as plain data."""
         return {"energies": self._energies.tolist(), "voltages": [self._lowest, self._highest]}
 
-    def remember(self, memory: Any) -> None:
-        """Continue from `memory`; raise KeyError or ValueError if it belongs to another run."""
-        self._energies = read_stored_array(memory["energies"], (len(_ENERGIES),))
-        self._lowest, self._highest = read_stored_array(memory["voltages"], (2,)).tolist()
+    def load_state_dict(self, state: Any) -> None:
+        """Continue from `state`; raise KeyError or ValueError if it belongs to another run."""
+        self._energies = read_stored_array(state["energies"], (len(_ENERGIES),))
+        self._lowest, self._highest = read_stored_array(state["voltages"], (2,)).tolist()

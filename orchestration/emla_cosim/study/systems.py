@@ -52,7 +52,7 @@ Choice = str | type | None
 """A controller or a set of gains by name, a controller also as a block; None for the default."""
 
 
-def study_joint(
+def build_joint_system(
     joint_file: JointFile,
     controller: Choice,
     gains: Choice,
@@ -107,7 +107,7 @@ def study_joint(
         plant["use_commanded_current"] = True
     elif drive or joint_file.drive.always:
         plant |= realistic_plant_values(replacement or joint_file.realistic)
-        plant |= {} if joint_file.seed is None else {"seed_i": current_seed(joint_file.seed)}
+        plant |= {} if joint_file.seed is None else {"seed_i": derive_current_seed(joint_file.seed)}
     else:
         plant |= actuator.plant  # the encoder step, and all that was entered
     if on_machine:  # a joint without power falls until an end stop holds it
@@ -133,7 +133,7 @@ def study_joint(
     if load_command.has_sensor and compliance is not None:
         load_observer = observer_parameters(compliance, feedback)
         plant |= {"sigma_load": feedback.sigma, "resolution_load": feedback.resolution}
-        # 48271 as in `current_seed`
+        # 48271 as in `derive_current_seed`
         plant |= {} if joint_file.seed is None else {"seed_load": 48271 * joint_file.seed % int(MODULUS)}
     command = None
     if load_command.has_command:
@@ -214,7 +214,7 @@ def _choose_gains(
     return of_controller or {}, observer.gains, x_L if estimate is None else estimate
 
 
-def current_seed(seed: int) -> int:
+def derive_current_seed(seed: int) -> int:
     """Return the seed of the current sensors' noise, far from that of the position noise."""
     # a multiplier of Lehmer generators with this modulus, as 48271 is, which the load sensor has for the
     # same reason; 16807 is that of the noise itself
@@ -252,7 +252,7 @@ def _combine_joints(
     check_actuator_joints(actuators, names)
     check_notch_joints(variant.get("notch", {}), names)
     first, *further = (
-        study_joint(
+        build_joint_system(
             joint_file,
             controller,
             gains,
@@ -260,7 +260,7 @@ def _combine_joints(
             load=joint_file.load.parameters(),
             actuators=actuators,
             **variant,
-        ).alone()
+        ).to_system()
         for joint_file in joint_files
     )
     return sum(further, first)

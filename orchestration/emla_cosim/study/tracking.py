@@ -103,11 +103,11 @@ class Tracking:
         self.excursions[1, joints] = np.where(is_farther, time_of_largest, self.excursions[1, joints])
         self._farthest[joints] = np.where(is_farther, largest, self._farthest[joints])
 
-    def memory(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         """Return the state as plain data."""
         return {name: getattr(self, name).tolist() for name in _STATE}
 
-    def remember(self, state: Mapping[str, Any]) -> None:
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
         """Continue from a stored state; raise ValueError or KeyError if it belongs to another run."""
         for name in _STATE:
             values = getattr(self, name)

@@ -13,7 +13,7 @@ from .names import Names
 from .resolution import convert_to_fmu_terms
 
 
-def structure_of(component: Component, interface: Interface) -> dict[str, int]:
+def find_changed_sizes(component: Component, interface: Interface) -> dict[str, int]:
     """Return the values of a component's structural parameters that differ from their start values.
 
     Raises:
@@ -57,7 +57,7 @@ def set_structure(
     sizes: dict[str, Any] = {n: v for n, v in values.items() if names.is_structural(n)}
     changed, sized = system.with_parameters(sizes), dict(interfaces)
     for name, interface in interfaces.items():
-        before, after = (structure_of(s.component(name), interface) for s in (system, changed))
+        before, after = (find_changed_sizes(s.component(name), interface) for s in (system, changed))
         if before != after:
             _refuse_connected_elements(system, name, interface, {*before, *after})
         if after:

@@ -34,7 +34,7 @@ class Folder:
     once it holds `record_file`, a key of `RECORDS`: write that file first.
     """
 
-    what: str
+    subject: str
     files: Sequence[str]
     pictures: Sequence[str] = ()
     inner: Sequence[str] = ()
@@ -69,7 +69,7 @@ class Folder:
             return
         names = [name for name in names if os.path.lexists(self._place / name)]
         for name in names:
-            resolve_output_path(self.path / name, f"the file of the {self.what}")
+            resolve_output_path(self.path / name, f"the file of the {self.subject}")
         try:
             unknown = None if self.overwrite or self.has_own_record() else self._find_strange(names)
         except OSError as error:
@@ -147,10 +147,10 @@ class Folder:
     @property
     def roles(self) -> dict[Path, str]:
         """Descriptions of `files`, by path."""
-        return {self.path / name: f"a file of the {self.what}" for name in self.files}
+        return {self.path / name: f"a file of the {self.subject}" for name in self.files}
 
     @contextlib.contextmanager
-    def alone(self) -> Iterator[None]:
+    def reserve(self) -> Iterator[None]:
         """Reserve the folder, and remove it at the end if it was created and is still empty.
 
         Incomplete files of a killed command are removed.

@@ -21,7 +21,7 @@ from ..pages.plain import to_plain
 from ..recorders.bond_energies import COUPLING
 from ..recorders.metrics import SIGNALS
 from ..recorders.parquet_file import strange_parts
-from ..recorders.recorder import Outline, Recorder, recording
+from ..recorders.recorder import Recorder, RunLayout, recording
 from ..recorders.registry import TABLES, table_names
 from ..recorders.table import Table
 from ..run.plot_formats import PLOT_FORMATS
@@ -41,7 +41,7 @@ def results_folder(name: str) -> Path:
 class OutputFolder(Folder):
     """The folder for the results of one run. Files of an earlier run stay until `begin`."""
 
-    what = "results"
+    subject = "results"
     record_file = RECORD
 
     def __init__(
@@ -128,8 +128,8 @@ class OutputFolder(Folder):
         table = self.table()
         with recording(table):
             self.begin(result.name)
-            outline = Outline(columns, units, result.times, range(len(columns)), types=types, texts=texts)
-            table.begin(outline)
+            layout = RunLayout(columns, units, result.times, range(len(columns)), types=types, texts=texts)
+            table.begin(layout)
             try:
                 table.write(_encode_rows(data, texts))
             finally:
@@ -239,7 +239,7 @@ class _FolderStarter(Recorder):
     def __str__(self) -> str:
         return str(self._folder.results)
 
-    def begin(self, outline: Outline, memory: Any = None) -> None:
+    def begin(self, layout: RunLayout, state: Any = None) -> None:
         """Begin the folder, and keep a table of results that is continued; see `OutputFolder.begin`."""
         self._folder.begin(self._scenario, keep_results=self._continued)
 

@@ -209,7 +209,7 @@ def _list_metrics(result: "Result") -> Iterator[Table | str]:
     yield from result.remarks
     title = f"{result.name}, {result.end_s - result.times.start:g} s simulated"
     for kind, figures in result.metrics.items():
-        if displays := result.shown[kind]:
+        if displays := result.displays[kind]:
             rows = [
                 (d.label, *(format_figure(f[d.name], d) for f in figures.values()), d.unit) for d in displays
             ]

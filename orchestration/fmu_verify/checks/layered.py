@@ -22,7 +22,7 @@ from ..layered_manifest import (
     list_manifests,
     read_manifest,
 )
-from ..messages import Breach, Problem, judge_problems, sentence
+from ..messages import Breach, Problem, format_sentence, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, noted, quote, skipped
 from ._layered_terminals import doubt_maps, judge_buses, judge_maps
@@ -54,7 +54,7 @@ def manifests(subject: Subject) -> CheckOutcome:
         try:
             manifest = read_manifest(path)
         except CommandError as error:
-            findings.problems.append(sentence(error))
+            findings.problems.append(format_sentence(error))
             continue
         # the folder decides, so that another name in the manifest is a fault
         name = path.parent.name if path.parent.name in _STANDARDS else manifest.name

@@ -99,7 +99,7 @@ def _find_stale_output(instance: HostedInstance, visited: Vector) -> Iterator[st
     model, names = instance.model, list_outputs(instance.subject)
     assert model is not None
     for x in visited[1:3].copy():
-        model.place(instance.start_time, x.ctypes.data)
+        model.set_time_and_states(instance.start_time, x.ctypes.data)
         before = instance.get(names)
         _read_vector(model.derive, len(x))
         for name, old, new in zip(names, before, instance.get(names), strict=True):
@@ -125,7 +125,7 @@ def _find_jump(
     scale = np.ptp(slopes, axis=0)
 
     def derive(x: Vector) -> Vector:
-        model.place(start_time, x.ctypes.data)
+        model.set_time_and_states(start_time, x.ctypes.data)
         return _read_vector(model.derive, len(names))
 
     try:

@@ -6,7 +6,7 @@ from emla_cosim.base.errors import CommandError, find_machine_fault
 
 from ..check import check
 from ..host.fresh_process import in_fresh_process
-from ..messages import sentence
+from ..messages import format_sentence
 from ..references.experiments import ExperimentSetup, list_experiment_files, read_experiments, read_setup
 from ..references.judgment import check_columns, combine, judge_run
 from ..references.playback import run_reference
@@ -39,7 +39,7 @@ def agrees(subject: Subject) -> CheckOutcome:
         check_columns(subject, reference)
         return judge_run(subject, reference, run_reference(subject, reference))
     except CommandError as error:
-        return failed(sentence(error), hint="Correct the reference files.")
+        return failed(format_sentence(error), hint="Correct the reference files.")
 
 
 def _judge_results(subject: Subject) -> CheckOutcome:
@@ -65,7 +65,7 @@ def _judge_result(subject: Subject, file: RelatedFile) -> CheckOutcome:
         if reference is not None:
             check_columns(subject, reference)
     except (CommandError, NotRunError) as error:  # `related` judges experiments
-        return _leave_out(sentence(error))
+        return _leave_out(format_sentence(error))
     if reference is None:
         try:
             reference = read_reference(file.path, subject.interface)
@@ -74,7 +74,7 @@ def _judge_result(subject: Subject, file: RelatedFile) -> CheckOutcome:
             check_columns(subject, reference)
         except CommandError as error:
             hint = "Correct the files of the result: columns are `time` and variables of the FMU."
-            reason = sentence(error).replace(f"{file.path.parent}/", "")
+            reason = format_sentence(error).replace(f"{file.path.parent}/", "")
             return warned(f"{file.source} cannot be compared: {reason}", hint=hint, clause=_RESULT)
     return judge_run(subject, reference, in_fresh_process(run_reference, subject, reference))
 
@@ -101,7 +101,7 @@ def recorded(subject: Subject) -> CheckOutcome:
     try:
         files = write_references(subject, recording)
     except CommandError as error:
-        return failed(sentence(error))
+        return failed(format_sentence(error))
     except OSError as error:
         message = f"'{recording.folder}' cannot be written: {error.strerror or error}."
         return failed(message) if find_machine_fault(error) is None else blocked(message, gaps=(message,))

@@ -15,7 +15,7 @@ from ..host.experiment import make_experiment, read_span
 from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import OutputTrajectory, list_outputs, walk
-from ..messages import join_few_names, sentence
+from ..messages import format_sentence, join_few_names
 from ..references.experiments import (
     SSV,
     TRANSIENT,
@@ -79,7 +79,7 @@ def _judge_error(error: Exception) -> CheckOutcome:
     if isinstance(error, NotRunError):
         return unjudged(str(error))
     if isinstance(error, CommandError):
-        return failed(sentence(error))
+        return failed(format_sentence(error))
     if isinstance(error, CallError):
         return failed(str(error), clause=error.clause or (None if error.has_status else RETURNS))
     return failed(str(error), clause=RETURNS)

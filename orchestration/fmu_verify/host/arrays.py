@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from fmpy.model_description import ModelVariable
 
-from emla_cosim.fmu.elements import ElementVariable, place_in_array
+from emla_cosim.fmu.elements import ElementVariable, position_in_array
 from emla_cosim.fmu.instance import by_type
 
 Arrays = dict[int, list[Any]]
@@ -22,9 +22,9 @@ class ElementDependency(NamedTuple):
     def has(self, unknown: ModelVariable, known: ModelVariable) -> bool:
         """Return whether it is one of an element on another one."""
         return (
-            self.element in (0, place_in_array(unknown) + 1)
+            self.element in (0, position_in_array(unknown) + 1)
             and self.independent == int(known.valueReference)
-            and self.element_of_independent in (0, place_in_array(known) + 1)
+            and self.element_of_independent in (0, position_in_array(known) + 1)
         )
 
 
@@ -37,7 +37,7 @@ def set_elements(fmu: Any, values: Sequence[tuple[ModelVariable, Any]], arrays: 
         arrays_by_reference: Arrays = {}
         for i in positions:
             variable, value = values[i]
-            reference, position = int(variable.valueReference), place_in_array(variable)
+            reference, position = int(variable.valueReference), position_in_array(variable)
             if reference not in arrays_by_reference:
                 arrays_by_reference[reference] = list(arrays.get(reference) or _start(variable, kind))
             arrays_by_reference[reference][position] = value

@@ -85,9 +85,9 @@ class HostedModel(ContinuousModel):
         return self._functions[name]
 
     def _update(self, call: str) -> tuple[bool, bool, bool, bool, bool, float]:
-        before = self._states()
+        before = self._read_states()
         answer = self.fmu.newDiscreteStates()
-        if not answer[3] and (changed := before != self._states()).any():
+        if not answer[3] and (changed := before != self._read_states()).any():
             message = f"{call} changed continuous state {int(np.argmax(changed)) + 1}"
             self.untold.append(f"{message}, but valuesOfContinuousStatesChanged is false.")
         if answer[4] and answer[5] < self._time:
@@ -95,7 +95,7 @@ class HostedModel(ContinuousModel):
             self.untold.append(f"{call} announced the next event for {at}, which is in the past.")
         return answer
 
-    def _states(self) -> Vector:
+    def _read_states(self) -> Vector:
         states = np.zeros(self.state_count)
         self.read_states(states.ctypes.data)
         return states
@@ -122,7 +122,7 @@ class HostedIntegration(Integrator[HostedModel]):
         """Handle the events of the initialization, at a time in s; see `step`."""
         self.members[0].start(time)
         self._begin(time)
-        self._settle()
+        self._iterate_events()
 
     def step(self, time: float, length: float) -> None:
         """Integrate from `time` by `length`, both in s.
@@ -139,7 +139,7 @@ class HostedIntegration(Integrator[HostedModel]):
         except SolverError as error:
             raise self.refusal or IntegrationError(f"the solver gave up ({error})") from error
         self._enter_event_mode()
-        self._settle()
+        self._iterate_events()
 
     def close(self) -> None:
         """Free the solver."""
@@ -149,8 +149,8 @@ class HostedIntegration(Integrator[HostedModel]):
         super()._finish_event()
         self._is_interrupted = True
 
-    def _endless_iteration(self, reason: str) -> IntegrationError:
+    def _make_endless_iteration_error(self, reason: str) -> IntegrationError:
         return EndlessEventError(reason)
 
-    def _integration_error(self, reason: str) -> IntegrationError:
+    def _make_integration_error(self, reason: str) -> IntegrationError:
         return IntegrationError(reason)

@@ -97,7 +97,7 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
     written = {recording.folder / f"{subject.path.stem}_{kind}": text for kind, text in texts.items()}
     for path, text in written.items():
         file = OutputFile(path, "the reference", lambda _: False, recording.overwrite)
-        with write_atomically(file.place, file.check_again) as stream:
+        with write_atomically(file.real_path, file.check_again) as stream:
             stream.write(text.encode())
     return list(written)
 

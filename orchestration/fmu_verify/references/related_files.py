@@ -14,7 +14,7 @@ from emla_cosim.base.untrusted_xml import parse_xml
 from fmublock.recipe import RELATED_LIST
 
 from ..layered_manifest import read_manifest
-from ..messages import sentence
+from ..messages import format_sentence
 from ..verdict import NotRunError
 
 SRMD = "application/x-srmd-meta-data"
@@ -55,7 +55,7 @@ def list_related(unpacked: Path) -> list[RelatedFile]:
     try:
         root = read_manifest(manifest).root
     except CommandError as error:
-        raise NotRunError(sentence(error)) from error
+        raise NotRunError(format_sentence(error)) from error
     related = []
     for element in root.iterfind("Related"):
         role, _, purpose = element.get("role", "").partition("/")

@@ -15,7 +15,7 @@ from ..errors import BuildError
 from ..files import write_atomically
 from ..fmi3_description import build_description
 from ..platforms import TARGETS, host_platform
-from ..recipe import Producer, made_by
+from ..recipe import Producer, describe_producer
 from .content import MODEL, SPANS, TableColumn, TableContent, TableOutput
 from .description import table_description
 from .layout import pack_table
@@ -169,7 +169,7 @@ def _provide_libraries(content: dict[str, bytes], platforms: Sequence[str], fmi:
 
 def _find_cached(content: dict[str, bytes], platform: str) -> Path:
     """Return the path of a library in the wheel or the cache."""
-    key = hashlib.sha256(made_by().encode() + content["sources/model.h"]).hexdigest()[:24]
+    key = hashlib.sha256(describe_producer().encode() + content["sources/model.h"]).hexdigest()[:24]
     suffix = TARGETS[platform][1] if platform in TARGETS else ""
     return find_built("tables", key, platform, f"{MODEL}{suffix}")
 

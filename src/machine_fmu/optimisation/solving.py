@@ -13,7 +13,7 @@ from .obstacles import Separation
 from .problem import MotionProblem
 from .transcription import LONGEST, Discretisation, Programme, slack_names
 
-MOST_ITERATIONS = 300
+MAX_ITERATIONS = 300
 """Most iterations of IPOPT; problems with a solution need 20 to 60."""
 
 _MAX_SEARCHES = 8
@@ -26,7 +26,7 @@ _OPTIONS = {
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
-    "ipopt.max_iter": MOST_ITERATIONS,
+    "ipopt.max_iter": MAX_ITERATIONS,
     # the default of 1e-8 would let motions exceed their bounds
     "ipopt.bound_relax_factor": 0.0,
 }

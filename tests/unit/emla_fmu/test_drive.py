@@ -17,7 +17,7 @@ from scipy.integrate import simpson
 
 from emla_cosim.study.joint import start_values
 from emla_cosim.study.joints.schema import load_joint
-from emla_cosim.study.systems import STUDY, current_seed
+from emla_cosim.study.systems import STUDY, derive_current_seed
 from emla_fmu import EmlaPlant, end_stops, friction, inverter
 from fmublock.instance import Instance, StepDiscardedError
 from tests.support import in_process
@@ -242,6 +242,6 @@ def test_stop_holds_a_drive_at_its_largest_speed(name: str) -> None:
 
 def test_seeds_of_currents_are_seeds_and_differ() -> None:
     joint_seeds = [seed for joint in STUDY if (seed := load_joint(joint).seed) is not None]
-    seeds = [current_seed(seed) for seed in joint_seeds]
+    seeds = [derive_current_seed(seed) for seed in joint_seeds]
     assert len({*seeds, *joint_seeds}) == 6
     assert all(1 <= seed <= 2147483646 for seed in seeds)

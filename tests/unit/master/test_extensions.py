@@ -40,9 +40,9 @@ class Extremes(ec.Recorder):
 
     extreme_of: str | None = ec.option(help="Signal whose largest value is kept.", record="extreme")
 
-    def begin(self, outline: ec.Outline, memory: Any = None) -> None:
+    def begin(self, layout: ec.RunLayout, state: Any = None) -> None:
         assert self.extreme_of is not None
-        self.column, self.largest = 1 + list(outline.names).index(self.extreme_of), -np.inf
+        self.column, self.largest = 1 + list(layout.names).index(self.extreme_of), -np.inf
 
     def write(self, rows: Array) -> None:
         self.largest = max(self.largest, rows[:, self.column].max())
@@ -57,8 +57,8 @@ class JsonLines(ec.Table):
     def __init__(self, path: Path) -> None:
         self.path, self.stream = path, None
 
-    def begin(self, outline: ec.Outline, memory: Any = None) -> None:
-        super().begin(outline, memory)
+    def begin(self, layout: ec.RunLayout, state: Any = None) -> None:
+        super().begin(layout, state)
         self.path.with_suffix(".names").write_text(json.dumps(self.names))
         self.stream = self.path.open("w")
 
@@ -80,7 +80,7 @@ class JsonLines(ec.Table):
 class Energy(ec.Metrics):
     """The work of every motor."""
 
-    shown = (ec.MetricDisplay("work_J", "work", 1e-3, "kJ"),)
+    displays = (ec.MetricDisplay("work_J", "work", 1e-3, "kJ"),)
 
     def __init__(self, columns: dict[str, int]) -> None:
         self.columns, self.work, self.last = columns, dict.fromkeys(columns, 0.0), None
@@ -95,16 +95,16 @@ class Energy(ec.Metrics):
     def figures(self) -> dict[str, dict[str, float]]:
         return {name: {"work_J": work} for name, work in self.work.items()}
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         return {"work": self.work, "last": self.last.tolist()}  # type: ignore[union-attr]
 
-    def remember(self, memory: Any) -> None:
-        self.work, self.last = memory["work"], np.array(memory["last"])
+    def load_state_dict(self, state: Any) -> None:
+        self.work, self.last = state["work"], np.array(state["last"])
 
 
-def energy(outline: ec.Outline) -> Energy | None:
+def energy(layout: ec.RunLayout) -> Energy | None:
     power_columns = {
-        n.removesuffix(".P_el"): i + 1 for i, n in enumerate(outline.names) if n.endswith(".P_el")
+        n.removesuffix(".P_el"): i + 1 for i, n in enumerate(layout.names) if n.endswith(".P_el")
     }
     return Energy(power_columns) if power_columns else None
 

@@ -16,7 +16,7 @@ from emla_cosim.recorders import file_table
 from emla_cosim.recorders.csv_file import CsvFile
 from emla_cosim.recorders.file_table import FileTable
 from emla_cosim.recorders.parquet_file import ParquetFile
-from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.recorder import RunLayout
 from tests.support.full_disk import files_of_at_most
 
 WIDTH, BLOCK = 3, 8
@@ -37,7 +37,7 @@ class SlowTable(FileTable):
         super().__init__("slow.table")
         self.rows, self.calls, self.threads = list[float](), 0, set[str]()
         self._fails_at = fails_at
-        self.begin(make_outline())
+        self.begin(make_run_layout())
 
     def store(self, rows: np.ndarray) -> None:
         self.calls += 1
@@ -54,7 +54,7 @@ class SlowTable(FileTable):
     def is_ours(self, path: Path) -> bool:
         raise NotImplementedError
 
-    def reopen(self, outline: Outline, rows: int) -> None:
+    def reopen(self, layout: RunLayout, rows: int) -> None:
         raise NotImplementedError
 
     def blocks(self) -> Iterator[np.ndarray]:
@@ -115,8 +115,8 @@ def test_all_rows_are_stored_in_order(seed: int) -> None:
     assert table.threads - {threading.current_thread().name}
 
 
-def make_outline(steps_per_row: int = 1) -> Outline:
-    return Outline(
+def make_run_layout(steps_per_row: int = 1) -> RunLayout:
+    return RunLayout(
         ["a", "b"], [None, None], make_communication_points(1000.0, 1.0), range(2), every=steps_per_row
     )
 
@@ -133,13 +133,13 @@ def test_checkpoint_waits_for_rows_on_the_disk(tmp_path: Path) -> None:
     for cuts in ([], [10, 50], [7, 8, 9, 64]):
         path = tmp_path / f"{len(actual)}.csv"
         file: Any = CsvFile(path)
-        layout = make_outline(steps_per_row)
+        layout = make_run_layout(steps_per_row)
         file.begin(layout)
         for block, following in zip(np.split(rows, cuts), [*cuts, None], strict=True):
             file.write(block)
             if following is None:
                 break
-            state = file.memory()
+            state = file.state_dict()
             assert path.stat().st_size == state["bytes"]
             assert len(polars.read_csv(path)) == -(-following // steps_per_row)
             with path.open("ab") as stream:

@@ -12,7 +12,7 @@ import pytest
 import fmublock.files
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.recorders.parquet_file import ParquetFile
-from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.recorder import RunLayout
 from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most
 
@@ -22,7 +22,7 @@ RUN = ("run", "lift", "--stop-time", "0.01", "--no-plots", "--output-format", "p
 def begun(folder: Path) -> ParquetFile:
     """A table of two signals that has taken 20 rows."""
     file = ParquetFile(folder / "results.parquet")
-    file.begin(Outline(["a", "b"], [None, None], make_communication_points(50.0, 1.0), range(2)))
+    file.begin(RunLayout(["a", "b"], [None, None], make_communication_points(50.0, 1.0), range(2)))
     file.write(np.random.default_rng(1).normal(size=(20, 3)))
     return file
 
@@ -81,7 +81,7 @@ def test_files_are_synced_before_they_are_renamed(tmp_path: Path, monkeypatch: p
 
 def test_full_disk_keeps_the_parts(tmp_path: Path) -> None:
     file = begun(tmp_path)
-    file.memory()  # closes a part
+    file.state_dict()  # closes a part
     parts = {p.name: p.read_bytes() for p in (tmp_path / "results.parquet.parts").iterdir()}
     assert set(parts) == {"000000.parquet"}
     with files_of_at_most(100):
@@ -89,7 +89,7 @@ def test_full_disk_keeps_the_parts(tmp_path: Path) -> None:
             file.end()
         file.write(np.zeros((20, 3)))
         with pytest.raises(OSError, match="File too large"):
-            file.memory()
+            file.state_dict()
     remaining_parts = {p.name: p.read_bytes() for p in (tmp_path / "results.parquet.parts").iterdir()}
     assert remaining_parts == parts
     assert {p.name for p in tmp_path.iterdir()} == {"results.parquet.parts"}

@@ -11,13 +11,13 @@ from emla_cosim.inputs.stored_runs import open_stored_run
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.recorders.csv_file import CsvFile
 from emla_cosim.recorders.parquet_file import ParquetFile
-from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.recorder import RunLayout
 from emla_cosim.recorders.row_buffer import BLOCK_ROWS, BLOCK_SIZE, RowBuffer
 
 
-def make_outline(names: list[str], steps_per_row: int = 1) -> Outline:
+def make_run_layout(names: list[str], steps_per_row: int = 1) -> RunLayout:
     """All of these signals, of every n-th row."""
-    return Outline(
+    return RunLayout(
         names, [None] * len(names), make_communication_points(1.0, 0.1), range(len(names)), steps_per_row
     )
 
@@ -44,7 +44,7 @@ def test_csv_has_every_nth_row_and_the_last_for_any_blocks(
     rows = np.random.default_rng(count).normal(size=(count, 3)) * 10.0 ** np.arange(-200, 201, 200)
     rows[:, 0] = np.arange(count)
     file = CsvFile(path)
-    file.begin(make_outline(["a.b", "c"], stride))
+    file.begin(make_run_layout(["a.b", "c"], stride))
     for block in in_blocks(rows, sizes):
         file.write(block)
     file.end()
@@ -61,7 +61,7 @@ def test_number_of_rows_read_is_bounded(form: type[CsvFile | ParquetFile], most:
     for count in (1, most, most + 1, 2 * most - 1, 2 * most, 2 * most + 1, 7 * most + 3):
         table = form(tmp_path / f"r{count}.{form.__name__[:-4].lower()}")
         time = 0.5 + np.arange(count)
-        table.begin(make_outline(["x"]))
+        table.begin(make_run_layout(["x"]))
         for rows in in_blocks(np.column_stack([time, 2.0 * time]), [4, 7]):
             table.write(rows)
         table.end()

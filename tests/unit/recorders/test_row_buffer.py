@@ -54,7 +54,7 @@ def test_another_process_finds_all_rows_that_are_not_stored(
         files.append(RowFile(tmp_path, size))
         return files[-1].memory
 
-    buffer = RowBuffer(WIDTH, [table], block_rows=BLOCK, shown=transformations, map_rows=map_rows)
+    buffer = RowBuffer(WIDTH, [table], block_rows=BLOCK, transformations=transformations, map_rows=map_rows)
     count, activity = 0, crash_page.current_activity()
     for _ in range(100):
         rows = buffer.room(int(random.integers(1, 2 * BLOCK)))

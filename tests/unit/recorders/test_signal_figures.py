@@ -11,7 +11,7 @@ from hypothesis import given
 
 import emla_cosim as ec
 from emla_cosim.master.stepping.timing import make_communication_points
-from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.recorder import RunLayout
 from emla_cosim.recorders.signal_figures import NAMES, SignalFigures
 from tests.support.axis import axis
 from tests.support.commands import Emla, sentence
@@ -20,8 +20,8 @@ ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
 FIGURES = {"minimum": np.min, "maximum": np.max, "final": lambda values: values[-1]}
 
 
-def make_layout(count: int, recorded: Sequence[int]) -> Outline:
-    return Outline(
+def make_layout(count: int, recorded: Sequence[int]) -> RunLayout:
+    return RunLayout(
         [f"a.x{i}" for i in range(count)], [None] * count, make_communication_points(1.0, 0.1), recorded
     )
 
@@ -37,7 +37,7 @@ def compute_metrics(
         if at < len(rows):
             recorder.write(rows[at : at + size])
         at += size
-        state = json.loads(json.dumps(recorder.memory()))
+        state = json.loads(json.dumps(recorder.state_dict()))
     return SignalFigures(about, state).figures()
 
 

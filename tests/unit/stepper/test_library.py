@@ -92,8 +92,8 @@ EMPTY = {"library.c": b"", "halves.c": b"int y;", "system.c": b"int z;"}
     [
         pytest.param("SIZES", (1,), "the records in C have sizes", marks=pytest.mark.slow),
         ("TARGETS", {}, "there is no compiler for the platform"),
-        ("native_sources", lambda: {**EMPTY, "library.c": b"int x = ;"}, "the C compiler failed"),
-        ("native_sources", lambda: {**EMPTY, "library.c": b"int x;"}, "cannot be loaded"),
+        ("read_native_sources", lambda: {**EMPTY, "library.c": b"int x = ;"}, "the C compiler failed"),
+        ("read_native_sources", lambda: {**EMPTY, "library.c": b"int x;"}, "cannot be loaded"),
     ],
 )
 def test_build_and_load_errors(

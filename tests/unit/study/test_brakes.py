@@ -107,7 +107,7 @@ def test_metrics_continue_from_their_memory() -> None:
     uninterrupted, first, second = metrics(), metrics(), metrics()
     uninterrupted.write(rows)
     first.write(rows[:2])
-    second.remember(json.loads(json.dumps(first.memory())))
+    second.load_state_dict(json.loads(json.dumps(first.state_dict())))
     second.write(rows[2:])
     assert second.figures() == uninterrupted.figures() and second.remarks() == uninterrupted.remarks()
     (figures,) = uninterrupted.figures().values()

@@ -52,9 +52,9 @@ def watch(
         size = sizes[number % len(sizes)]
         metrics.write(rows[start : start + size])
         start, number = start + size, number + 1
-        state = json.loads(json.dumps(metrics.memory()))
+        state = json.loads(json.dumps(metrics.state_dict()))
         metrics = JointMetrics(NAMES, parameters, criteria=criteria)
-        metrics.remember(state)
+        metrics.load_state_dict(state)
     return metrics
 
 
@@ -127,7 +127,7 @@ def test_figures_do_not_depend_on_blocks_of_rows(seed: int, sizes: list[int]) ->
 def test_long_runs_need_few_samples() -> None:
     cycle = np.repeat([3.0, 0.0], 40)
     metrics = watch(rows_of(warm(np.tile(cycle, 250))))
-    assert len(metrics.memory()["heat"]["0"]["times"]) <= 1024
+    assert len(metrics.state_dict()["heat"]["0"]["times"]) <= 1024
     assert heat_of(metrics)["copper_load"] == pytest.approx(1.5, rel=2e-3)
 
 
@@ -141,7 +141,7 @@ def test_excessive_heat_is_the_first_remark_and_no_verdict() -> None:
         "j: repeated, the 4.7 s from t = 0.3 s on heat the winding to 143.2 K above ambient, with 1.79 times "
         f"its rated losses; 80 K are permitted, and the drive trips at t = {trip:.4g} s."
     ]
-    assert [display.name for display in metrics.shown][:2] == ["held", "steady_rise_K"]
+    assert [display.name for display in metrics.displays][:2] == ["held", "steady_rise_K"]
     rows[:, 2], limit = 3.0, {"j.plant.screw.v_max": 2.9}
     assert "winding" in watch(rows, more=limit).remarks()[0]
     assert "touched its speed limit" in watch(rows, more=limit).remarks()[1]
@@ -175,7 +175,7 @@ def test_no_temperature_without_a_cycle(rows: np.ndarray, changes: dict[str, flo
     figures = metrics.figures()["j"]
     assert figures["heat"] is None and math.isnan(figures["steady_rise_K"])
     assert not any("winding" in text for text in metrics.remarks())
-    assert any(display.name == "steady_rise_K" for display in metrics.shown) == (not changes)
+    assert any(display.name == "steady_rise_K" for display in metrics.displays) == (not changes)
 
 
 def test_not_finite_temperature_has_no_figure() -> None:

@@ -126,7 +126,7 @@ def test_first_trip_does_not_depend_on_blocks_of_rows(seed: int, size: float, cu
         metrics.write(rows[start : start + size_])
         start += size_
         restored = JointMetrics(NAMES, LIMITS)
-        restored.remember(json.loads(json.dumps(metrics.memory())))
+        restored.load_state_dict(json.loads(json.dumps(metrics.state_dict())))
         metrics = restored
     figures = metrics.figures()["j"]
     trip = figures["trip"]

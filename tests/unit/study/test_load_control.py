@@ -147,7 +147,7 @@ def test_load_comes_first(result: ec.Result) -> None:
     assert list(result.metrics)[:2] == ["loads", "joints"]
     (error, *_) = (panel.label for panel in JOINT_FIGURES["errors"].panels)
     assert error.startswith("load position")
-    labels = [display.label for display in result.shown["joints"]]
+    labels = [display.label for display in result.displays["joints"]]
     assert "screw position error" in labels and "position error" not in labels
     tracked = {joint: pair for find in TRACKED.values() for joint, pair in find(result.names, {}).items()}
     assert tracked["lift"] == ("lift.plant.load.x", "lift.command.x_s")

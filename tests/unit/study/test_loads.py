@@ -31,9 +31,9 @@ def evaluate(
     criteria_values = {f"j.{name}": value for name, value in criteria.items()}
     metrics = LoadMetrics([LOAD], criteria_values)
     for rows in np.array_split(np.column_stack([time, *values]), pieces):
-        state = json.loads(json.dumps(metrics.memory()))
+        state = json.loads(json.dumps(metrics.state_dict()))
         metrics = LoadMetrics([LOAD], criteria_values)
-        metrics.remember(state)
+        metrics.load_state_dict(state)
         metrics.write(rows)
     return dict(metrics.figures()["j"]), metrics
 
@@ -123,9 +123,9 @@ def test_load_on_an_unsettled_screw() -> None:
 def test_short_runs_have_no_verdict() -> None:
     actual, metrics = evaluate(0.0, stop=0.3)
     assert actual["load_within_window"] is False and actual["load_reason"].startswith("too short")
-    assert "load_within_window" not in [figure.name for figure in metrics.shown]
+    assert "load_within_window" not in [figure.name for figure in metrics.displays]
     actual, metrics = evaluate(0.0)
-    assert next(figure.name for figure in metrics.shown) == "load_within_window"
+    assert next(figure.name for figure in metrics.displays) == "load_within_window"
     metrics.ended_early("it ended.")
     ended = metrics.figures()["j"]
     assert ended["load_reason"] == "it ended." and not ended["load_within_window"]
@@ -150,4 +150,4 @@ def test_verdict_of_a_joint_includes_its_load() -> None:
     assert not load["load_within_window"] and load["load_position_error_m"] > 0.5e-3
     assert not joint["held"] and joint["reason"] == load["load_reason"]
     assert narrow.remarks.count(load["load_reason"]) == 1
-    assert next(figure.label for figure in narrow.shown["joints"]) == "held (screw and load)"
+    assert next(figure.label for figure in narrow.displays["joints"]) == "held (screw and load)"

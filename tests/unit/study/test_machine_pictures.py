@@ -13,7 +13,7 @@ from emla_cosim.run.result import Result
 from emla_cosim.study.figures import MACHINE_FIGURES
 from emla_cosim.study.sketch.film import MachineAnimation, MachineFilm
 from emla_cosim.study.sketch.machine_picture import INSTANTS, select_instants
-from emla_cosim.study.sketch.movement import Movement, read_movement, recorded_signals
+from emla_cosim.study.sketch.movement import Movement, list_recorded_signals, read_movement
 from emla_cosim.views.plots.by_unit import BY_UNIT
 from emla_cosim.views.plots.pictures import draw_figures
 from emla_cosim.views.plots.style import save
@@ -25,7 +25,7 @@ assert ec.load, "registers what is drawn"
 
 
 def read_run_movement(result: Result) -> Movement:
-    actual = read_movement(result, result.read(["time", *recorded_signals(result)]))
+    actual = read_movement(result, result.read(["time", *list_recorded_signals(result)]))
     assert actual is not None
     return actual
 

@@ -50,9 +50,9 @@ def oscillation_of(
     for first in range(0, len(rows), block):
         metrics.write(np.array(rows[first : first + block], dtype=np.float64))
         if is_restored:
-            state = json.loads(json.dumps(metrics.memory()))
+            state = json.loads(json.dumps(metrics.state_dict()))
             metrics = make()
-            metrics.remember(state)
+            metrics.load_state_dict(state)
     return dict(metrics.figures()["j"])
 
 

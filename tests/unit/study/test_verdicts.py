@@ -13,7 +13,7 @@ from hypothesis import given, settings
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
-from emla_cosim.study.criteria import Criteria, criteria_of
+from emla_cosim.study.criteria import Criteria, resolve_criteria
 from emla_cosim.study.metrics import JointMetrics
 from tests.support.joint_data import EMLAS
 
@@ -48,9 +48,9 @@ def evaluate(
         metrics.write(rows[start : start + size])
         start, i = start + size, i + 1
         if is_restored:
-            state = json.loads(json.dumps(metrics.memory()))
+            state = json.loads(json.dumps(metrics.state_dict()))
             metrics = JointMetrics(NAMES, **how)
-            metrics.remember(state)
+            metrics.load_state_dict(state)
     return dict(metrics.figures()["j"])
 
 
@@ -332,10 +332,10 @@ def test_oscillations_count_from_when_a_joint_is_evaluated() -> None:
 
 def test_criteria_with_units_and_joints() -> None:
     windows = {"a.position_window": "0.2 mm", "*.position_window": 5e-4}
-    actual = criteria_of(["a", "b"], {**windows, "*.over_speed": "10 %", "b.window_time": 1})
+    actual = resolve_criteria(["a", "b"], {**windows, "*.over_speed": "10 %", "b.window_time": 1})
     assert (actual["a"].position_window, actual["b"].position_window) == (2e-4, 5e-4)
     assert actual["a"].over_speed == pytest.approx(0.1) and actual["b"].window_time == 1.0
-    assert asdict(criteria_of(["a"], {})["a"]) == asdict(Criteria())
+    assert asdict(resolve_criteria(["a"], {})["a"]) == asdict(Criteria())
 
 
 @pytest.mark.parametrize(
@@ -353,7 +353,7 @@ def test_criteria_with_units_and_joints() -> None:
 )
 def test_wrong_criteria_are_refused(criteria: dict[str, Any], words: str) -> None:
     with pytest.raises(CommandError, match=words):
-        criteria_of(["lift"], criteria)
+        resolve_criteria(["lift"], criteria)
 
 
 # ---- runs --------------------------------------------------------------------------------------------

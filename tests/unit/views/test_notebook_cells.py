@@ -62,7 +62,7 @@ def test_numbers_are_those_of_the_metrics(result: ec.Result) -> None:
     figures = result.metrics["joints"]["lift"]
     assert rows == [
         [display.label, format_figure(figures[display.name], display), display.unit]
-        for display in result.shown["joints"]
+        for display in result.displays["joints"]
     ]
     text = read(cell)
     assert text.startswith("✓ Run of lift with stop_time 0.4 Completed; all joints held.")

@@ -113,7 +113,7 @@ def test_names_of_single_files(name: str, folder_path: Path) -> None:
 class RunFolder(Folder):
     """A folder for three files."""
 
-    what, record_file, files, pictures = "results", "run.json", ("run.json", "a.csv"), ("a.png",)
+    subject, record_file, files, pictures = "results", "run.json", ("run.json", "a.csv"), ("a.png",)
 
 
 HOLDERS: dict[str, dict[str, bytes]] = {
@@ -154,7 +154,7 @@ def test_folder(kind: str, overwrite: bool, folder_path: Path) -> None:
         assert states(folder_path.parent) == before
         return
     folder = RunFolder(folder_path, overwrite)
-    with folder.alone():
+    with folder.reserve():
         folder.write("run.json", RUN)
         folder.write("a.csv", NEW)
     assert (folder_path / "a.csv").read_bytes() == NEW
@@ -193,12 +193,12 @@ def test_names_of_folders(name: str, folder_path: Path) -> None:
     for _ in range(2):
         folder = RunFolder(folder_path / name)
         with (
-            folder.alone(),
+            folder.reserve(),
             pytest.raises(CommandError, match="another run writes to"),
             exclusive_lock(folder_path / name),
         ):
             pass
-        with folder.alone():
+        with folder.reserve():
             folder.write("run.json", RUN)
     assert [p.name for p in folder_path.rglob("*")] == [name, "run.json"]
 
@@ -208,7 +208,7 @@ def test_names_of_folders(name: str, folder_path: Path) -> None:
 def test_lock_replaces_no_file(kind: str, name: str, folder_path: Path) -> None:
     (NEVER | FILES)[kind](folder_path / name)
     before = states(folder_path.parent)
-    with pytest.raises(CommandError, match=name), RunFolder(folder_path, overwrite=True).alone():
+    with pytest.raises(CommandError, match=name), RunFolder(folder_path, overwrite=True).reserve():
         pass
     assert states(folder_path.parent) == before
 

@@ -17,7 +17,7 @@ from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 
 from emla_cosim.base.units import SiUnit
 from emla_cosim.pages.page import Plots
-from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.recorder import RunLayout
 from emla_cosim.recorders.table import TimeSeries
 from emla_cosim.run.result import Result
 from emla_cosim.ssp.diagram import build_diagrams, group_connections
@@ -87,11 +87,11 @@ def visible_curves(plot: str) -> str:
 def rebuilt(result: Result, names: list[str], rows: np.ndarray, **changed: Any) -> Result:
     """The result with other signals in its table."""
     table = TimeSeries()
-    table.begin(Outline(names, [None] * len(names), result.times, range(len(names))))
+    table.begin(RunLayout(names, [None] * len(names), result.times, range(len(names))))
     if len(rows):
         table.write(rows)
     table.end()
-    return replace(result, table=table, metrics={}, shown={}, units=dict.fromkeys(names), **changed)
+    return replace(result, table=table, metrics={}, displays={}, units=dict.fromkeys(names), **changed)
 
 
 # ---- what it says ------------------------------------------------------------------------------------
@@ -124,7 +124,7 @@ def test_metrics_are_those_of_metrics_json(
     content = json.loads((lift_folder / "metrics.json").read_text())["joints"]
     assert header[1:-1] == list(content)
     texts = {row[0]: row[1:-1] for row in rows}
-    for display in result.shown["joints"]:
+    for display in result.displays["joints"]:
         for joint, text in zip(content, texts[display.label], strict=True):
             value = content[joint][display.name]
             # none, as the run is short
@@ -172,7 +172,7 @@ def test_settings_and_components_are_those_of_run_json(page: ElementTree.Element
 def few_rows(result: Result) -> Result:
     """The run with a small table, whose page is made in a moment."""
     small = rebuilt(result, ["a.x"], np.array([[0.0, 1.0], [1.0, 2.0]]))
-    return replace(small, metrics=result.metrics, shown=result.shown)
+    return replace(small, metrics=result.metrics, displays=result.displays)
 
 
 def test_failure_is_shown_first(few_rows: Result) -> None:

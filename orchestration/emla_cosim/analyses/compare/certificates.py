@@ -129,7 +129,7 @@ def build_report(result: CertificateResult) -> Report:
 
 
 OUTPUTS = Outputs[CertificateResult](
-    what="certificates",
+    subject="certificates",
     name=CERTIFICATE,
     record=None,
     record_file="certificate.csv",

@@ -29,7 +29,7 @@ def build_report(result: CompareResult) -> Report:
     if result.motions:
         sections.insert(1, Section("Motion and load", pictures=motion))
     if failures := describe_lost_joints(result):
-        count = Text(f"Not held: {result.lost.height} of {result.rows.height}.", is_failure=True)
+        count = Text(f"Not held: {result.failed_rows.height} of {result.rows.height}.", is_failure=True)
         sections.insert(0, Section("Joints that are not held", [count, *failures], most=1 + _MAX_FAILURES))
     if not result.complete:
         facts.append("interrupted")
@@ -70,7 +70,7 @@ def _build_record(result: CompareResult) -> dict[str, Any]:
 
 
 OUTPUTS = Outputs[CompareResult](
-    what="comparison",
+    subject="comparison",
     name="compare",
     record=_build_record,
     record_file="comparison.json",

@@ -53,7 +53,7 @@ COLUMNS: Mapping[str, Any] = {
 }
 
 DISPLAYS: dict[str, MetricDisplay] = {
-    display.name: display for display in (*LoadMetrics.shown, *JointMetrics.shown, CONVERGENCE_TIME)
+    display.name: display for display in (*LoadMetrics.displays, *JointMetrics.displays, CONVERGENCE_TIME)
 }
 """How tables and pictures show a figure."""
 
@@ -107,7 +107,7 @@ class CompareResult(ReportedResult):
         return build_tables(self)
 
     @property
-    def lost(self) -> polars.DataFrame:
+    def failed_rows(self) -> polars.DataFrame:
         """Rows of the joints that were not held."""
         return self.rows.filter(~polars.col(HELD))
 

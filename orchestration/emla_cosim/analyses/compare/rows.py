@@ -31,7 +31,7 @@ class JointMeasures(Measures):
     If signals are read, also the largest speed of the reference in m/s, its time in s, and the motion.
     """
 
-    def reading(self, names: Sequence[str]) -> Sequence[str]:
+    def select_signals(self, names: Sequence[str]) -> Sequence[str]:
         """Return the signals to read: the patterns that the system has signals for."""
         return [name for name in names if any(matches_pattern(name, pattern) for pattern in self.read)]
 

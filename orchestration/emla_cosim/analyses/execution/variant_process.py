@@ -81,7 +81,7 @@ class VariantProcess:
     def _get_simulation(self, group: int) -> Simulation:
         """Return the simulation of a group. Raise CosimError if it cannot be prepared."""
         simulation = self._simulations.pop(group, None)
-        if simulation is not None and simulation.is_dead:  # of a variant before
+        if simulation is not None and simulation.is_unusable:  # of a variant before
             simulation.close()
             simulation = None
         if simulation is None:
@@ -100,7 +100,7 @@ class VariantProcess:
         simulation = self._get_simulation(group)
         simulation.start(recorders=[])  # variants may run although the scenario itself fails in a step
         result = simulation.so_far()
-        figures = list_figures(result.metrics, result.shown)
+        figures = list_figures(result.metrics, result.displays)
         units, further = (
             {name: str(unit) if unit is not None else "" for name, unit in units.items()}
             for units in (simulation.units, simulation.further_units())
@@ -145,7 +145,7 @@ class VariantProcess:
                     half = halve_step(simulation, options)
                     options = {**options, **half.options}
                 result = simulation.run(
-                    recorders=recorders, signals=measures.reading(simulation.names), **options
+                    recorders=recorders, signals=measures.select_signals(simulation.names), **options
                 )
                 problem = explain_verdicts(result.metrics)
                 problem = " ".join(filter(None, (result.early_end, problem))) or None

@@ -27,7 +27,7 @@ class Outputs(Generic[R]):
     """The files and the report of an analysis whose result is an `R`.
 
     Attributes:
-        what: What messages call the analysis, such as "sizing".
+        subject: What messages call the analysis, such as "sizing".
         name: Name of the record and of the page, without suffix, such as "size".
         tables: Functions that return the content of further files, by name; None for one that this result
             does not have.
@@ -41,7 +41,7 @@ class Outputs(Generic[R]):
         list_pictures: Returns the names of further pictures, which depend on the result.
     """
 
-    what: str
+    subject: str
     name: str
     tables: Mapping[str, Callable[[R], str | bytes | None]]
     report: Callable[[R], Report]
@@ -97,7 +97,7 @@ class AnalysisFolder(Folder, Generic[R]):
             require_extra("plots", "a page")
         self.outputs, self._plots, self._report = outputs, plots and has_extra("plots"), report
         self.lacks_pictures = plots and not self._plots
-        self.what, self.record_file = outputs.what, outputs.record_name
+        self.subject, self.record_file = outputs.subject, outputs.record_name
         self.files = tuple(dict.fromkeys([outputs.record_name, *outputs.tables]))
         self.pictures = (*outputs.pictures, outputs.page_name)
         super().__init__(path, overwrite)

@@ -145,7 +145,7 @@ class Session(Generic[R]):
     ) -> None:
         check_cluster(scheduler, workers)
         self.progress = NotesOnce(progress or Progress())
-        self._analysis, self._cluster = outputs.what, (scheduler, workers)
+        self._analysis, self._cluster = outputs.subject, (scheduler, workers)
         self.folder = folder
         if output is not None:
             path = convert_value(output, Path, "the output folder")
@@ -161,7 +161,7 @@ class Session(Generic[R]):
     @contextmanager
     def reserve_folder(self) -> Iterator[None]:
         """Reserve the folder. Raises CommandError if another command uses it."""
-        with nullcontext() if self.folder is None else self.folder.alone():
+        with nullcontext() if self.folder is None else self.folder.reserve():
             yield
 
     @contextmanager

@@ -53,7 +53,7 @@ class Predictor:
         signals: all signals to record.
         rows: rows of a table, of the experiment that has most.
         failures: why runs failed, with their numbers.
-        lost: remark on start values that an FMU did not take; empty if it took all.
+        start_value_remark: remark on start values that an FMU did not take; empty if it took all.
         half_steps: how experiments were run with half the step, by position.
     """
 

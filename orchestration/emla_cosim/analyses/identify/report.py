@@ -227,7 +227,7 @@ def _format_scenario(result: IdentificationResult) -> str | None:
 
 
 OUTPUTS = Outputs[IdentificationResult](
-    what="identification",
+    subject="identification",
     name="identify",
     tables={
         SCENARIO: _format_scenario,

@@ -7,7 +7,7 @@ from ...master.instances.described_instance import DescribedInstance
 from ...master.instances.integrated_instance import IntegratedInstance
 from ...master.integrated_group import IntegratedGroup
 from ...master.network import Network
-from ...study.joint import current_reference, position_loop
+from ...study.joint import name_current_path, name_position_loop
 from ...system.model import System
 
 
@@ -79,7 +79,7 @@ def parse_opening(system: System, text: str) -> AnalysisPoint:
     if "->" not in text and text not in joints:
         hint = f", or a joint: {suggest_names(text, joints)}" if joints else "."
         raise CommandError(f"'{text}' is not a connection; write a.output->b.input{hint}", name=text)
-    path = text if "->" in text else position_loop(text)
+    path = text if "->" in text else name_position_loop(text)
     source, _, target = (part.strip() for part in path.partition("->"))
     if not (source and target):
         raise CommandError(f"'{text}' is not a connection; write a.output->b.input.", name=text)
@@ -101,7 +101,7 @@ def parse_opening(system: System, text: str) -> AnalysisPoint:
 
 def choose_openings(system: System) -> list[str]:
     """Return where loops are opened by default: at the current reference of each joint."""
-    return [current_reference(joint) for joint in _list_joints(system)]
+    return [name_current_path(joint) for joint in _list_joints(system)]
 
 
 def _list_joints(system: System) -> list[str]:

@@ -77,7 +77,7 @@ class Perturbation:
         self._snapshot = Snapshot(algorithm) if self.rolls_back else None
         if self._snapshot is not None:
             stepping.allow_way_back()
-            self._snapshot.take()
+            self._snapshot.save()
         self._is_advanced = False
         self._undisturbed: dict[ResolvedPoint, Vector] = {}
 

@@ -160,7 +160,7 @@ def _draw(result: LinearizeResult) -> "Iterator[tuple[str, Figure]]":
 
 
 OUTPUTS = Outputs[LinearizeResult](
-    what="linearization",
+    subject="linearization",
     name="linearize",
     tables={"responses.csv": lambda result: result.table.write_csv() if result.responses else None},
     report=build_report,

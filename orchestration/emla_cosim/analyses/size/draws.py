@@ -147,7 +147,7 @@ class SizingMeasures(Measures):
 
     examinations: Mapping[str, Examination] = field(default_factory=dict)
 
-    def reading(self, names: Sequence[str]) -> Sequence[str]:
+    def select_signals(self, names: Sequence[str]) -> Sequence[str]:
         """Return the signals to record: those of the joints."""
         return [name for name in names if name in self.read]
 

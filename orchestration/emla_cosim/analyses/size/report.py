@@ -291,7 +291,7 @@ def _draw(result: SizeResult) -> "Iterator[tuple[str, Figure]]":
 
 
 OUTPUTS = Outputs[SizeResult](
-    what="sizing",
+    subject="sizing",
     name="size",
     tables={
         "limits.csv": lambda result: result.table.write_csv(),

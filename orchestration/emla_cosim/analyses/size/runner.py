@@ -22,7 +22,7 @@ from ...run.run_setup import run_times
 from ...run.scenarios.scenario import Scenario
 from ...study.actuator.actuator import Actuator
 from ...study.actuator.model_parameters import get_number
-from ...study.criteria import ALL_JOINTS, criteria_of
+from ...study.criteria import ALL_JOINTS, resolve_criteria
 from ...study.loading import load
 from ...study.roles import list_role_patterns
 from ...system.model import System
@@ -307,7 +307,7 @@ def _size_scenario(scenario: Scenario, labels: Mapping[str, str], task: _Task) -
 
     def examine(scenario: Scenario) -> Examination:
         sheets = {joint: find_data_sheet(scenario, task.source, joint) for joint in joints}
-        return Examination(sheets, criteria_of(joints, criteria), starts, times.stop, task.needed)
+        return Examination(sheets, resolve_criteria(joints, criteria), starts, times.stop, task.needed)
 
     def change(more: Mapping[str, Any]) -> tuple[Scenario, Examination]:
         changed = task.load(labels, more)

@@ -77,7 +77,7 @@ def is_truth(result: SweepResult, figure: str) -> bool:
 def find_varying_figures(result: SweepResult) -> list[str]:
     """Return the figures that differ between variants that are done: numbers first, labelled ones before."""
     varying = [figure for figure in result.figures if _varies(figure_values(result, figure))]
-    return sorted(varying, key=lambda figure: (is_truth(result, figure), figure not in result.shown))
+    return sorted(varying, key=lambda figure: (is_truth(result, figure), figure not in result.displays))
 
 
 def nothing_varies_error(result: SweepResult, noun: str) -> CommandError:
@@ -95,7 +95,7 @@ def main_figure(result: SweepResult) -> str | None:
 
 def display_of(result: SweepResult, figure: str) -> MetricDisplay:
     """Return label, factor and unit for displaying a figure. The label begins with the subsystem."""
-    display = result.shown.get(figure)
+    display = result.displays.get(figure)
     if display is None:
         return MetricDisplay(figure, figure)
     subsystem = figure.removesuffix(display.name).rstrip(".") if figure.endswith(display.name) else ""

@@ -9,7 +9,7 @@ import polars
 
 from ...base.errors import CommandError
 from ...base.wording import format_count
-from ...master.instances.fmu_instance import tells_requested_end
+from ...master.instances.fmu_instance import is_requested_end
 from ...recorders.metrics import MetricDisplay
 from ...run.remarks import tells_lost_values
 from ...views.formatting import format_figure
@@ -88,7 +88,7 @@ def status_line(result: SweepResult) -> str:
     if not_held := int((result.outcomes == NOT_HELD).sum()):
         counts[DONE] += f" ({not_held} of them {NOT_HELD})"
     line = f"{format_count(len(statuses), 'variant')}: {', '.join(counts.values()) or 'none'}"
-    if ended := sum(tells_requested_end(problem) for problem in result.variants[PROBLEM].to_list()):
+    if ended := sum(is_requested_end(problem) for problem in result.variants[PROBLEM].to_list()):
         line += f". FMUs ended {ended} of them before the stop time: their figures are of shorter runs"
     if ignoring := sum(tells_lost_values(problem) for problem in result.variants[PROBLEM].to_list()):
         line += f". In {ignoring} of them, FMUs did not take start values: the column '{PROBLEM}' says which"
@@ -247,7 +247,7 @@ def _build_record(result: SweepResult) -> dict[str, Any]:
 
 
 OUTPUTS = Outputs[SweepResult](
-    what="sweep",
+    subject="sweep",
     name="sweep",
     record=_build_record,
     tables={TABLE: lambda result: to_parquet(result.variants), _WORST_FILE: _write_worst_commands},

@@ -56,7 +56,7 @@ class SweepResult(ReportedResult):
         signals: names of the signals that were kept.
         series: lazy polars frame with `variant`, `time` in s and the kept signals; None if there are none.
         units: units of factors and signals by name.
-        shown: labels and units of the metrics that tables show.
+        displays: labels and units of the metrics that tables show.
         verdicts: names of the metrics that say whether an object, such as a joint, is held.
         folder: folder of the sweep; None if it is deleted together with the result.
         complete: whether all variants are done.
@@ -77,7 +77,7 @@ class SweepResult(ReportedResult):
     signals: Sequence[str] = ()
     series: polars.LazyFrame | None = None
     units: Mapping[str, str] = field(default_factory=dict)
-    shown: Mapping[str, MetricDisplay] = field(default_factory=dict)
+    displays: Mapping[str, MetricDisplay] = field(default_factory=dict)
     verdicts: Sequence[str] = ()
     folder: Path | None = None
     complete: bool = True
@@ -215,7 +215,7 @@ def make_result(
         factors=list(record["factors"]),
         variants=variants,
         series=series,
-        shown={name: MetricDisplay(**display) for name, display in record["shown"].items()},
+        displays={name: MetricDisplay(**display) for name, display in record["shown"].items()},
         verdicts=record.get("verdicts", held_figures),
         folder=folder,
         complete=record["status"] == COMPLETED,

@@ -34,7 +34,7 @@ class TrajectoryResult(ReportedResult):
     Attributes:
         spline: the motion.
         assessment: its metrics.
-        given: the problem as you passed it.
+        original_problem: the problem as you passed it.
         problem: the problem after the reading of end speeds.
         end_speed: that reading.
         contradictions: contradictions in the problem as you passed it.
@@ -45,7 +45,7 @@ class TrajectoryResult(ReportedResult):
 
     spline: Spline
     assessment: Assessment
-    given: MotionProblem
+    original_problem: MotionProblem
     problem: MotionProblem
     end_speed: EndSpeed
     contradictions: Sequence[str]
@@ -72,7 +72,7 @@ class TrajectoryResult(ReportedResult):
             "knots": list(self.spline.knots),
             "coefficients": {joint: list(values) for joint, values in self.spline.coefficients.items()},
             "units": {"knots": "s", "coefficients": "m"},
-            "problem": describe_problem(self.given),
+            "problem": describe_problem(self.original_problem),
             "end_speed": self.end_speed.value,
             "discretisation": asdict(self.discretisation),
             "contradictions": list(self.contradictions),

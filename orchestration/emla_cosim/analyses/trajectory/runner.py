@@ -8,7 +8,7 @@ from machine_fmu.optimisation.assessment import Assessment, assessed
 from machine_fmu.optimisation.contradictions import find_contradictions
 from machine_fmu.optimisation.narrowing import narrowed
 from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
-from machine_fmu.optimisation.solving import MOST_ITERATIONS, NoMotionError, Solution, detour, solved
+from machine_fmu.optimisation.solving import MAX_ITERATIONS, NoMotionError, Solution, detour, solved
 from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline_window import COEFFICIENTS
 
@@ -130,7 +130,7 @@ def _find_best(
     solutions = list[Solution]()
     for i in range(starts):
         guess = None if i == 0 else detour(problem, how, i)
-        reporter.begin("optimising" if starts == 1 else f"start {i + 1}", MOST_ITERATIONS, "iterations")
+        reporter.begin("optimising" if starts == 1 else f"start {i + 1}", MAX_ITERATIONS, "iterations")
         try:
             solutions.append(solved(problem, how, guess, lambda: reporter.advance(1)))
         except NoMotionError as error:
@@ -141,7 +141,7 @@ def _find_best(
     # between the points that were constrained, a bound can be exceeded
     figures = assessed(best.spline(how), problem, how.tie_break)
     if not figures.within_bounds:
-        reporter.begin("narrower bounds", MOST_ITERATIONS, "iterations")
+        reporter.begin("narrower bounds", MAX_ITERATIONS, "iterations")
         best, figures = narrowed(best, problem, how, lambda: reporter.advance(1))
         reporter.finish()
     return best, figures

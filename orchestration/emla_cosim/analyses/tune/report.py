@@ -213,7 +213,7 @@ def _use_log_scale(axes: "Axes", values: np.ndarray) -> None:
 
 
 OUTPUTS = Outputs[TuneResult](
-    what="tuning",
+    subject="tuning",
     name="tune",
     tables={
         BEST: lambda r: format_scenario(f"Gains found by the tuning {r.name}", r.scenario, r.best.set),

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...recorders.metrics import METRICS, TRACKED, Figures, Metrics
-from ...recorders.recorder import Outline
+from ...recorders.recorder import RunLayout
 from ...run.requirements import Requirement
 from ..variants.data import VariantOutcome
 from .expressions import Expression
@@ -224,14 +224,14 @@ class _TrackingErrorMetrics(Metrics):
     def figures(self) -> Figures:
         return {joint: {TRACKING_ERROR: total / max(self._rows, 1)} for joint, total in self._sums.items()}
 
-    def memory(self) -> Any:
+    def state_dict(self) -> Any:
         return {"sums": self._sums, "rows": self._rows}
 
-    def remember(self, memory: Any) -> None:
-        self._sums, self._rows = dict(memory["sums"]), int(memory["rows"])
+    def load_state_dict(self, state: Any) -> None:
+        self._sums, self._rows = dict(state["sums"]), int(state["rows"])
 
 
-def tracking_error(layout: Outline) -> Metrics | None:
+def tracking_error(layout: RunLayout) -> Metrics | None:
     """Return the metrics of all joints of a run; None if it has none."""
     column = {name: i + 1 for i, name in enumerate(layout.names)}
     columns = {

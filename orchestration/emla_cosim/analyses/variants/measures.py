@@ -122,7 +122,7 @@ class Measures:
         """Names of the columns."""
         return [*self.figures, *self.expressions, *self.functions]
 
-    def reading(self, names: Sequence[str]) -> Sequence[str]:
+    def select_signals(self, names: Sequence[str]) -> Sequence[str]:
         """Return the signals to record, of all that exist."""
         return self.read
 

@@ -14,7 +14,7 @@ from ...base import crash_page
 from ...base.crash_page import Stage
 from ...base.units import LinearTransformation
 from ...recorders.file_table import FileTable
-from ...recorders.recorder import Outline, Pause, Recorder
+from ...recorders.recorder import Pause, Recorder, RunLayout
 from ...recorders.row_buffer import RowFile
 from ...recorders.table import Table
 from ...run.result import Result
@@ -29,8 +29,8 @@ class StartedRun:
 
     Attributes:
         result: The result so far.
-        outline: What recorders know.
-        shown: Transformations of signals that recorders get in another unit, by position.
+        layout: What recorders know.
+        transformations: Transformations of signals that recorders get in another unit, by position.
         row_file: The file of the newest rows; None if they are in the memory of the process.
         why_no_file: Why there is no file.
         rows: Number of rows so far.
@@ -40,8 +40,8 @@ class StartedRun:
     """
 
     result: Result
-    outline: Outline
-    shown: Mapping[int, LinearTransformation]
+    layout: RunLayout
+    transformations: Mapping[int, LinearTransformation]
     row_file: Path | None
     why_no_file: str
     rows: int
@@ -111,9 +111,9 @@ class CrashRecorder(Recorder):
                 self._why_no_file = error.strerror or str(error)
         return None if self._rows is None else self._rows.memory
 
-    def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Keep the outline of the run."""
-        self._outline = outline
+    def begin(self, layout: RunLayout, state: Any = None) -> None:
+        """Keep the layout of the run."""
+        self._outline = layout
 
     def pause(self, run: Pause) -> None:
         """Write the plan before the first step."""
@@ -123,11 +123,11 @@ class CrashRecorder(Recorder):
             started_run = StartedRun(
                 replace(self._simulation.so_far(), table=None),
                 self._outline,
-                run.shown,
+                run.transformations,
                 None if self._rows is None else self._rows.path,
                 self._why_no_file,
                 crash_page.current_activity().rows,
-                run.memory()[Table.key]["rows"],
+                run.state_dict()[Table.key]["rows"],
                 self._table.count_stored(),
                 time.monotonic(),
             )

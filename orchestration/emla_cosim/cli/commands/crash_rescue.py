@@ -18,7 +18,7 @@ from ...base.output_files import UNFINISHED_STATUS
 from ...master.instances.call_codes import decode_call
 from ...recorders.file_table import FileTable
 from ...recorders.metrics import MetricsRecorder
-from ...recorders.recorder import Outline, recording
+from ...recorders.recorder import RunLayout, recording
 from ...recorders.row_buffer import read_rows, show_rows
 from ...run.remarks import describe_lost_values
 from ...run.result import Result
@@ -52,7 +52,7 @@ def rescue_results(how: str, ended: float) -> None:
         output = OutputFolder(plan.folder, **plan.output)
         # before `alone`, which removes their file
         rows = None if plan.started_run is None else _read_rows(plan.started_run)
-        with output.alone(), use_verbosity(plan.verbosity):
+        with output.reserve(), use_verbosity(plan.verbosity):
             message = _save_results(plan, output, cause, ended, rows)
         show_error(message)
     except (CosimError, OSError) as error:
@@ -106,7 +106,7 @@ def _read_rows(started_run: StartedRun) -> tuple[int, Vector] | None:
     activity = crash_page.current_activity()
     if started_run.row_file is None or activity.stage >= Stage.ROWS_WRITTEN:
         return None
-    return read_rows(started_run.row_file, 1 + len(started_run.outline.names), activity.rows)
+    return read_rows(started_run.row_file, 1 + len(started_run.layout.names), activity.rows)
 
 
 def _save_results(
@@ -139,24 +139,24 @@ def _finish_result(
     started_run: StartedRun, output: OutputFolder, cause: str, ended: float, newest: tuple[int, Vector] | None
 ) -> Result:
     """Complete the table, and return the result with the metrics of its rows."""
-    table, outline, before = output.table(), started_run.outline, started_run.result
+    table, layout, before = output.table(), started_run.layout, started_run.result
     assert isinstance(table, FileTable)
     metrics, remarks, first, end = MetricsRecorder(), list[str](), np.nan, before.end_s
     with recording(table):
         if crash_page.current_activity().stage < Stage.ROWS_WRITTEN:
             remarks += _append_rows(started_run, table, newest)
         table.open()
-        metrics.begin(_reduce_to_table(outline))
-        if not _has_all_signals(outline):
+        metrics.begin(_reduce_to_table(layout))
+        if not _has_all_signals(layout):
             metrics.kinds.clear()
         for rows in table.blocks():
             first, end = rows[0, 0] if np.isnan(first) else first, float(rows[-1, 0])
             metrics.write(rows)
     problem = f"the run ended at t = {end:.6g} s: {cause}."
     metrics.ended_early(problem)
-    if not _has_all_signals(outline) or outline.every > 1 or first > outline.times.start:
-        each = "each step" if outline.every == 1 else f"one of {outline.every} steps"
-        unrecorded = "" if _has_all_signals(outline) else ", with those of its signals alone"
+    if not _has_all_signals(layout) or layout.every > 1 or first > layout.times.start:
+        each = "each step" if layout.every == 1 else f"one of {layout.every} steps"
+        unrecorded = "" if _has_all_signals(layout) else ", with those of its signals alone"
         remarks.append(
             f"The metrics were computed from the rows in {table.path.name}: {each} from "
             f"t = {first:.6g} s on{unrecorded}."
@@ -180,38 +180,38 @@ def _finish_result(
 
 def _append_rows(started_run: StartedRun, table: FileTable, newest: tuple[int, Vector] | None) -> list[str]:
     """Append the rows that the table has not stored yet. Return remarks on rows that are lost."""
-    outline, count = started_run.outline, crash_page.current_activity().rows
+    layout, count = started_run.layout, crash_page.current_activity().rows
     # a run that continues an earlier one counts its rows from its own start
-    earlier_rows, steps_per_row = started_run.table_rows - started_run.rows, outline.every
+    earlier_rows, steps_per_row = started_run.table_rows - started_run.rows, layout.every
     stored = table.count_stored() - started_run.stored_rows
     next_row = started_run.rows + -started_run.table_rows % steps_per_row + stored * steps_per_row
     if newest is None:
-        table.reopen(outline, earlier_rows + next_row)
+        table.reopen(layout, earlier_rows + next_row)
         table.end()
         return [
             f"Rows after those in {table.path.name} are lost, because they were in the memory of the "
             f"process: the output folder had no file for them ({started_run.why_no_file})."
         ]
-    first, rows = newest[0], show_rows(newest[1], started_run.shown)
-    rows[:, outline.text_columns] = np.nan  # rows with texts are in the table
+    first, rows = newest[0], show_rows(newest[1], started_run.transformations)
+    rows[:, layout.text_columns] = np.nan  # rows with texts are in the table
     if count - 1 < next_row < count - 1 + steps_per_row:
         next_row = count - 1  # only the last row may be missing, which was not due
-    table.reopen(outline, earlier_rows + max(next_row, first))
+    table.reopen(layout, earlier_rows + max(next_row, first))
     if len(rows := rows[max(next_row - first, 0) :]):
         table.write(rows)
     table.end()
     return []
 
 
-def _has_all_signals(outline: Outline) -> bool:
+def _has_all_signals(layout: RunLayout) -> bool:
     """Return whether the table has all signals of the run."""
-    return list(outline.recorded) == list(range(len(outline.names)))
+    return list(layout.recorded) == list(range(len(layout.names)))
 
 
-def _reduce_to_table(outline: Outline) -> Outline:
-    """Return the outline of the rows in the table."""
-    if not _has_all_signals(outline):
-        names, units = ([values[i] for i in outline.recorded] for values in (outline.names, outline.units))
+def _reduce_to_table(layout: RunLayout) -> RunLayout:
+    """Return the layout of the rows in the table."""
+    if not _has_all_signals(layout):
+        names, units = ([values[i] for i in layout.recorded] for values in (layout.names, layout.units))
         recorded = range(len(names))
-        outline = replace(outline, names=names, units=units, recorded=recorded, roles={}, criteria={})
-    return outline
+        layout = replace(layout, names=names, units=units, recorded=recorded, roles={}, criteria={})
+    return layout

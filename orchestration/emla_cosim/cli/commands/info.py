@@ -56,7 +56,7 @@ class Parameters:
     json: Path | None = option(
         help="Write JSON to a file, or show it if no file follows.",
         metavar="[FILE]",
-        alone=_TO_SCREEN,
+        flag_value=_TO_SCREEN,
         group=OTHER_OPTIONS,
     )
     pictures: Path | None = option(

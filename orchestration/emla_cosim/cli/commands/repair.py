@@ -35,7 +35,7 @@ class Parameters:
 
     fmu: Path = argument(help="FMU to repair. It is only read.", metavar="FMU")
     output: Path | None = option(
-        None, help="Repaired FMU to write (also -o).", metavar="FILE.fmu", group=OUTPUT, short="-o"
+        None, help="Repaired FMU to write (also -o).", metavar="FILE.fmu", group=OUTPUT, short_flag="-o"
     )
     dry_run: bool = switch("Show the changes, and write nothing.", OUTPUT)
 

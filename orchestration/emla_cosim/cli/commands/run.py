@@ -87,7 +87,7 @@ def run_into(
         output = OutputFolder(folder, **output_options)
         _check_files(file, options, output)
         with (
-            output.alone(),
+            output.reserve(),
             contextlib.closing(CrashRecorder(scenario_to_run, folder, output_options)) as crash_recorder,
             scenario_to_run.prepare(progress) as simulation,
         ):

@@ -176,9 +176,9 @@ def _check_report_files(reports: Mapping[str, Path], files: Iterable[Path], over
     """Raise CommandError if a report cannot be written, or would replace another file."""
     used = dict.fromkeys(files, "the file to verify")
     for kind, path in reports.items():
-        check_output_files({path: REPORT_FILES[kind].what}, used)
+        check_output_files({path: REPORT_FILES[kind].subject}, used)
         REPORT_FILES[kind].check(path, overwrite)
-        used[path] = REPORT_FILES[kind].what
+        used[path] = REPORT_FILES[kind].subject
 
 
 def _build_built_in(progress: Progress) -> dict[str, Path]:

@@ -296,11 +296,11 @@ class Algorithm(ABC):
         loops = [[instances[i].name for i in loop] for loop in self.loops]
         return report | {"sweeps_over_loops": self.sweeps, "loops": loops}
 
-    def memory(self) -> dict[str, Vector]:
+    def state_dict(self) -> dict[str, Vector]:
         """Return what steps have changed, as arrays by name."""
         return {"block": self.block, "counts": np.array([self.steps, self.sweeps], dtype=float)}
 
-    def remember(self, state: Mapping[str, Vector]) -> None:
+    def load_state_dict(self, state: Mapping[str, Vector]) -> None:
         """Continue from what `state` returned in an algorithm of the same class, for the same network."""
         self.block[:] = state["block"]
         self.steps, self.sweeps = (int(count) for count in state["counts"])

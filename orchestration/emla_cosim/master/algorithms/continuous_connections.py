@@ -24,7 +24,7 @@ class ContinuousConnection:
         mode: How the input changes during the step; see `Mode`.
         is_in_loop: Whether the source depends on the target, so that an error is fed back.
         group: Number of the loop that iterates on the signal; -1 without one.
-        place: Position of the signal among the coupling variables of that loop; -1 without one.
+        position: Position of the signal among the coupling variables of that loop; -1 without one.
     """
 
     name: str
@@ -35,7 +35,7 @@ class ContinuousConnection:
     mode: int
     is_in_loop: bool = False
     group: int = -1
-    place: int = -1
+    position: int = -1
 
 
 def list_continuous_connections(

@@ -191,7 +191,7 @@ class CouplingEstimate:
         if self._can_restore and first in self._window_starts and first not in self._snapshots:
             save_start = self._clock()
             self._snapshots[first] = Snapshot(self._algorithm, learned=True)
-            self._snapshots[first].take()
+            self._snapshots[first].save()
             if self._clock() - save_start > SLOWEST_SAVE:
                 self._window_starts = self._window_starts[:1]
         return next((b for b in self._window_starts if first < b < last), last)

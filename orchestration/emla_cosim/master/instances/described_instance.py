@@ -52,7 +52,7 @@ class DescribedInstance(FmuInstance):
         self.inputs, self.outputs = self.input_starts.copy(), np.zeros(len(self.written))
         self.tolerance: float | None = None
         """Relative tolerance of the FMU's solver in the next run; None leaves it to the FMU."""
-        self.lost_values: list[RejectedValue] = []
+        self.rejected_start_values: list[RejectedValue] = []
         """Start values that the FMU had changed at the end of its last initialization."""
 
     @property

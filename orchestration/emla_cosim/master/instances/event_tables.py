@@ -25,7 +25,7 @@ from ...stepper.event_layout import (
     Events,
 )
 from ...stepper.layout import CALL
-from .typed_values import TypedValues, TypeGroup, fill_typed_call, start_memory
+from .typed_values import TypedValues, TypeGroup, allocate_array, fill_typed_call
 
 _FMI_FUNCTION = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_size_t
@@ -165,7 +165,7 @@ class EventTables:
         calls, values_by_reference = np.zeros(len(arrays), CLOCKED_CALL), dict[int, NDArray[Any]]()
         for record, (reference, variable) in zip(calls, arrays.items(), strict=True):
             (group,) = TypedValues("set", [variable], self._access.functions, self._access.arrays).groups
-            group.values[:] = start_memory(variable)
+            group.values[:] = allocate_array(variable)
             values_by_reference[reference] = group.values
             self._fill_call(record["call"], group)
             record["call"]["item_count"] = 0  # its memory has the values already

@@ -52,7 +52,7 @@ class EndRequestedError(InstanceError):
     action_format = f"{_END_REQUEST} during {{call}}"
 
 
-def tells_requested_end(text: str | None) -> bool:
+def is_requested_end(text: str | None) -> bool:
     """Return whether a text contains the message of an EndRequestedError."""
     return f" {_END_REQUEST} during " in (text or "")
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...base import crash_page
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
-from ...fmu.elements import BINARY, ElementVariable, place_in_array
+from ...fmu.elements import BINARY, ElementVariable, position_in_array
 from ...fmu.file import FmuFile
 from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
@@ -45,7 +45,7 @@ from .fmu_instance import (
     PythonExceptionError,
 )
 from .start_values import StartValues
-from .typed_values import TypedValues, TypeGroup, ValueRangeError, start_memory
+from .typed_values import TypedValues, TypeGroup, ValueRangeError, allocate_array
 
 _POINTER = ctypes.c_void_p
 _REFERENCE, _REAL, _INTEGER, _TEXT = (
@@ -56,7 +56,7 @@ _REFERENCE, _REAL, _INTEGER, _TEXT = (
 _UNUSABLE_LIBRARIES: set[Path] = set()
 
 
-def is_dead(file: FmuFile) -> bool:
+def is_unusable(file: FmuFile) -> bool:
     """Return whether an FMU returned fmi2Fatal in this process. Then none of its functions may be called."""
     return file.library in _UNUSABLE_LIBRARIES
 
@@ -100,7 +100,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             CommandError: The library of the FMU cannot be loaded.
             RunError: The FMU returned fmi2Fatal earlier in this process.
         """
-        if is_dead(file):
+        if is_unusable(file):
             raise RunError(
                 f"the FMU '{file.path}' of {name} returned fmi2Fatal and cannot be used again. "
                 "Prepare the run again to load a new copy."
@@ -129,7 +129,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._component = self.fmu.component
         self._set_real, self._get_real = self._functions["setReal"], self._functions["getReal"]
         self._input_references, self._output_references = (
-            np.array([v.valueReference for v in variables if not place_in_array(v)], dtype=np.uint32)
+            np.array([v.valueReference for v in variables if not position_in_array(v)], dtype=np.uint32)
             for variables in (self.read, self.written)
         )
         self._derivative_orders = np.ones(len(self.read), dtype=np.int32)
@@ -194,7 +194,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def _set_start_values(self) -> None:
         """Set start values; InstanceError if the FMU rejects one."""
         for reference, array_values in self.arrays.items():
-            array_values[:] = start_memory(self.array(reference))
+            array_values[:] = allocate_array(self.array(reference))
         values = self._start_values
         if (rejected := values.set_numbers(self._component)) is not None:
             (variable, value), status = rejected
@@ -209,7 +209,9 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     @cached_property
     def _first_elements(self) -> dict[int, ElementVariable]:
         variables = self.file.variables.values()
-        return {int(v.valueReference): v for v in variables if isinstance(v, ElementVariable) and not v.place}
+        return {
+            int(v.valueReference): v for v in variables if isinstance(v, ElementVariable) and not v.position
+        }
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
@@ -280,7 +282,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if status == FATAL:
             raise self.error("reading start values", status)
         reported = present if status in FINE else None
-        self.lost_values = self._start_values.find_rejected(reported, self._read_back)
+        self.rejected_start_values = self._start_values.find_rejected(reported, self._read_back)
 
     def _read_back(self, variable: ModelVariable) -> Any:
         """Return the value of a variable; None if it cannot be read, InstanceError after fmi2Fatal."""
@@ -423,7 +425,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def close(self) -> None:
         """Terminate the FMU if the standard allows it, and free the instance and its library."""
         # the standard forbids all calls after fmi2Fatal
-        if is_dead(self.file):
+        if is_unusable(self.file):
             return
         with contextlib.suppress(Exception):
             if self._stepping:
@@ -534,7 +536,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return state
 
     def _free_state(self, state: Any) -> None:
-        if not is_dead(self.file):
+        if not is_unusable(self.file):
             with contextlib.suppress(FMICallException):
                 self.fmu.freeFMUstate(state)
 

@@ -47,7 +47,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         self.serializes = all(m.serializes for m in members)
         moving = [v for v, moves in zip(first.read, first.continuous_inputs, strict=True) if moves]
         self._moving_values = np.zeros(len(moving))
-        self._write_moving = first.writer(moving, self._moving_values)
+        self._write_moving = first.make_writer(moving, self._moving_values)
         self._restarts_always = False
         self._begin(math.nan)
 
@@ -128,7 +128,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         try:
             self._advance(time + step)
         except SolverError as error:
-            raise self._integration_error(f"{error}.") from error
+            raise self._make_integration_error(f"{error}.") from error
         if self._slopes is not None:
             self._passed_inputs[self.continuous_inputs] = self._evaluate_moving_inputs(self._time)
             self._slopes, self._is_discontinuous, self._is_interrupted = None, True, True
@@ -195,7 +195,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
             by: The constant, in the unit of the input.
         """
         instance = self.members[member]
-        instance.writer([variable], np.array([float(instance.value(variable)) + by]))()
+        instance.make_writer([variable], np.array([float(instance.value(variable)) + by]))()
 
     def handle_event(self) -> None:
         """Do an event, in which the FMUs update discrete states and relations for the present states."""
@@ -255,7 +255,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         assert self._slopes is not None
         return self._inputs_at_start + (time - self._step_start) * self._slopes
 
-    def _integration_error(self, reason: str) -> IntegrationError:
+    def _make_integration_error(self, reason: str) -> IntegrationError:
         at = f"at t = {self._time:.9g} s"
         messages = [line for m in self.members for line in m.messages()]
         return IntegrationError(self.name, at, reason.rstrip("."), messages)

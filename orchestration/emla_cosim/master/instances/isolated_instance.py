@@ -118,7 +118,7 @@ class IsolatedInstance(DescribedInstance):
 
     def exit_initialization(self) -> None:
         """Leave initialization mode, and find the start values that the FMU changed."""
-        self.lost_values = self._ask("exit_initialization")
+        self.rejected_start_values = self._ask("exit_initialization")
 
     def set_inputs(self) -> None:
         """Send `inputs` with the next call."""
@@ -196,7 +196,7 @@ class IsolatedInstance(DescribedInstance):
         with contextlib.suppress(InstanceError):
             self._ask("measure", on)
 
-    def effort(self) -> Effort | None:
+    def read_effort(self) -> Effort | None:
         """Return the measured calls in its process; None if the process has ended."""
         try:
             return self._ask("effort")

@@ -65,7 +65,7 @@ class IsolatedProcess:
     def exit_initialization(self) -> list[RejectedValue]:
         """Leave initialization mode, and return the start values that the FMU changed."""
         self._stepped.exit_initialization()
-        return self._instance.lost_values
+        return self._instance.rejected_start_values
 
     def set_value(self, name: str, value: Any) -> None:
         """Set a variable by name."""
@@ -105,7 +105,7 @@ class IsolatedProcess:
             self._measured.close()
         self._measured = MeasuredCalls(self._stepped) if on else None
 
-    def effort(self) -> Effort:
+    def read_effort(self) -> Effort:
         """Return the measured calls."""
         effort = Effort()
         if self._measured is not None:

@@ -13,7 +13,7 @@ from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...fmu.continuous_model import ContinuousModel, DiscardedCall
 from ...fmu.cvode import IntegratorSettings
-from ...fmu.elements import is_plain, place_in_array
+from ...fmu.elements import is_plain, position_in_array
 from .fmu_instance import EndRequestedError, InstanceError
 from .in_process_instance import InProcessInstance
 from .typed_values import TypedValues
@@ -74,7 +74,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
         with self.surround():
             super().set_value(variable, value)
 
-    def reader(self, variables: Sequence[ModelVariable], values: Vector) -> Callable[[], None]:
+    def make_reader(self, variables: Sequence[ModelVariable], values: Vector) -> Callable[[], None]:
         """Return a function that reads Real variables into `values`, in their order."""
         if is_plain(variables):
             return self._make_plain_call("getReal", variables, values)
@@ -85,7 +85,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
 
         return read
 
-    def writer(self, variables: Sequence[ModelVariable], values: Vector) -> Callable[[], None]:
+    def make_writer(self, variables: Sequence[ModelVariable], values: Vector) -> Callable[[], None]:
         """Return a function that sets Real variables to `values`, in their order.
 
         The other elements of their arrays keep the values of the FMU.
@@ -106,7 +106,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
         self, name: str, variables: Sequence[ModelVariable], values: Vector
     ) -> Callable[[], None]:
         """Return a function that gets or sets variables whose values are the memory of one FMI call."""
-        references = [v.valueReference for v in variables if not place_in_array(v)]
+        references = [v.valueReference for v in variables if not position_in_array(v)]
         arguments = self._make_arguments(np.array(references, dtype=np.uint32), values)[1:]
         return lambda: self._call(name, *arguments)
 

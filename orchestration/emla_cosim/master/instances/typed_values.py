@@ -83,12 +83,12 @@ class TypedValues:
         for type_, members in _plan_calls(access, variables):
             first, layout = variables[members[0]], ElementLayout(variables[i] for i in members)
             references = np.array(layout.references, dtype=np.uint32)
-            slots = np.array(layout.places, dtype=np.intp)
+            slots = np.array(layout.positions, dtype=np.intp)
             values = np.zeros(layout.size, dtype=value_type(first))
             is_integer = type_ != "Boolean" and values.dtype.kind in "iu"
             counts = (layout.size,) if isinstance(first, ElementVariable) else ()
             if access == "set" and isinstance(first, ElementVariable) and first.size > 1:
-                reference, start_array = int(first.valueReference), start_memory(first)
+                reference, start_array = int(first.valueReference), allocate_array(first)
                 values = start_array if arrays is None else arrays.setdefault(reference, start_array)
             self.groups.append(
                 TypeGroup(
@@ -140,7 +140,7 @@ def _severity(status: int) -> int:
     return status if status >= 0 else 1 - status
 
 
-def start_memory(variable: ElementVariable) -> NDArray[Any]:
+def allocate_array(variable: ElementVariable) -> NDArray[Any]:
     """Return the memory of an array, with its start values."""
     return np.array(variable.array_start, dtype=value_type(variable))
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
-from ...base.files import HERE
+from ...base.files import CURRENT_FOLDER
 from ...base.output_files import OutputFile
 from ..algorithms.algorithm import Algorithm, require
 from ..network import Network
@@ -33,7 +33,7 @@ class Snapshot:
         self._values = algorithm.block if learned else algorithm.restored
         self._copy, self._steps = self._values.copy(), algorithm.steps
 
-    def take(self) -> None:
+    def save(self) -> None:
         """Save the present state."""
         self._states = [s.save(state) for s, state in zip(self._members, self._states, strict=True)]
         self._copy[:], self._steps = self._values, self._algorithm.steps
@@ -62,7 +62,7 @@ class Checkpoint:
 
     Args:
         states: State of each FMU, by the name of its instance.
-        memory: What steps have changed, by name; see `Stepping.memory`.
+        memory: What steps have changed, by name; see `Stepping.state_dict`.
         notes: Plain data of the caller.
     """
 
@@ -75,10 +75,10 @@ class Checkpoint:
         network = stepping.algorithm.network
         for instance in network.instances:
             instance.deserialize(self.states[instance.name])
-        stepping.remember(self.memory)
+        stepping.load_state_dict(self.memory)
 
 
-def check_checkpoint(path: Path, overwrite: bool, folder: Path = HERE) -> OutputFile:
+def check_checkpoint(path: Path, overwrite: bool, folder: Path = CURRENT_FOLDER) -> OutputFile:
     """Return the file of a checkpoint whose path is relative to `folder`.
 
     Raises:
@@ -97,7 +97,7 @@ def prepare_checkpoint(path: Path, network: Network, folder: Path, overwrite: bo
     file = check_checkpoint(path, overwrite, folder)
     try:
         # now: a long run should not fail at its first checkpoint
-        with TemporaryFile(dir=file.place.parent):
+        with TemporaryFile(dir=file.real_path.parent):
             pass
     except OSError as error:
         raise CommandError(f"the checkpoint '{path}' cannot be written: {error.strerror}.") from error
@@ -123,14 +123,14 @@ def save_checkpoint(file: OutputFile, stepping: Stepping, notes: Mapping[str, An
     content: dict[str, Any] = {
         _STATE + s.name: np.frombuffer(s.serialize(), dtype=np.uint8) for s in network.instances
     }
-    content |= {_STEP_VALUES + name: value for name, value in stepping.memory().items()}
+    content |= {_STEP_VALUES + name: value for name, value in stepping.state_dict().items()}
     header = json.dumps({"format": FORMAT, "notes": notes, "arrays": list(content)})
     content["header"] = np.frombuffer(header.encode(), dtype=np.uint8)
     with file.open() as stream:
         np.savez(stream, allow_pickle=False, **content)
 
 
-def load_checkpoint(path: Path, folder: Path = HERE) -> Checkpoint:
+def load_checkpoint(path: Path, folder: Path = CURRENT_FOLDER) -> Checkpoint:
     """Read a checkpoint whose path is relative to `folder`; CommandError if it is not a checkpoint."""
     file_path = folder / path
     if not file_path.is_file():

@@ -10,13 +10,13 @@ from ..algorithms.algorithm import Algorithm
 from .saved_states import SavedStates
 from .timing import CommunicationPoints
 
-SMALLEST = 1e-12
+SMALLEST_STEP_FRACTION = 1e-12
 """Smallest step, as a fraction of the largest absolute time: shorter ones are lost in its rounding."""
 
-JUST_BEFORE = 1e-5
+EVENT_STEP_FRACTION = 1e-5
 """Length of the step that ends at an event, as a fraction of the first step."""
 
-SHORT = 1e-6
+SHORT_STEP_FRACTION = 1e-6
 """Length of a very short step, as a fraction of the run's time.
 
 Steps become shorter only if a single one is inaccurate: a million steps take as long as users
@@ -68,8 +68,11 @@ class ControlTables:
         # by Richardson: the difference of one step and two halves, per error of the halves
         control.tolerance, control.divisor = tolerance, 2.0**algorithm.accuracy - 1.0
         control.start, control.time = times.start, times.start
-        control.leap_limit, control.short_limit = 2.0 * JUST_BEFORE * step, SHORT * (times.stop - times.start)
-        control.shortest = SMALLEST * max(abs(times.start), abs(times.stop))
+        control.leap_limit, control.short_limit = (
+            2.0 * EVENT_STEP_FRACTION * step,
+            SHORT_STEP_FRACTION * (times.stop - times.start),
+        )
+        control.shortest = SMALLEST_STEP_FRACTION * max(abs(times.start), abs(times.stop))
         control.longest, control.step, control.last_error = longest, min(step, longest), 1.0
         control.first_rejected = control.coarse_time = np.nan
         self.control_error(algorithm.accuracy, per_unit=True)
@@ -84,19 +87,19 @@ class ControlTables:
         if not per_unit:
             self.control.controlled_count, self.control.short_limit = self._read_count, 0.0
 
-    def memory(self) -> dict[str, Vector]:
+    def state_dict(self) -> dict[str, Vector]:
         """Return what steps have changed, as arrays by name."""
         numbers = np.array([float(getattr(self.control, name)) for name in _NUMBERS + _COUNTS])
         return {"control": numbers} | {
             f"control/{x}": values.astype(float) for x, values in self._list_state_arrays().items()
         }
 
-    def remember(self, memory: Any) -> None:
-        """Continue from what `memory` returned."""
-        for name, number in zip(_NUMBERS + _COUNTS, memory["control"], strict=True):
+    def load_state_dict(self, state: Any) -> None:
+        """Continue from what `state_dict` returned."""
+        for name, number in zip(_NUMBERS + _COUNTS, state["control"], strict=True):
             setattr(self.control, name, int(number) if name in _COUNTS else float(number))
         for name, values in self._list_state_arrays().items():
-            values[:] = memory[f"control/{name}"]
+            values[:] = state[f"control/{name}"]
 
     def _list_state_arrays(self) -> dict[str, Any]:
         """Return the arrays that later steps depend on."""

@@ -12,7 +12,7 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...stepper.layout import Failure
 from ..algorithms.algorithm import Algorithm, require
-from .control_tables import JUST_BEFORE, SHORT, ControlTables
+from .control_tables import EVENT_STEP_FRACTION, SHORT_STEP_FRACTION, ControlTables
 from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints, make_clock
 
@@ -93,7 +93,7 @@ class ErrorControl(Stepping):
         if sampled:
             self._tables.control_error(algorithm.accuracy, per_unit=False)
         else:
-            self.loop.tighten(SHORT * tolerance)  # which steps of this length are allowed
+            self.loop.tighten(SHORT_STEP_FRACTION * tolerance)  # which steps of this length are allowed
         self._events = _list_event_points(events, times)
         self._output = None if interval is None else make_clock(times.start, interval)
         self._end = _find_last_point(times, interval)
@@ -200,16 +200,16 @@ class ErrorControl(Stepping):
             f"{total / self.tolerance:.2g} times the error tolerance {self.tolerance:.3g}: {reason}",
         ]
 
-    def memory(self) -> dict[str, Vector]:
+    def state_dict(self) -> dict[str, Vector]:
         """Add the state of error control to the memory."""
         points = np.array([float(self._output_points)])
-        return super().memory() | self._tables.memory() | {"control/points": points}
+        return super().state_dict() | self._tables.state_dict() | {"control/points": points}
 
-    def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Restore the state from `memory` of an error control with the same algorithm."""
-        super().remember(memory)
-        self._output_points = int(memory["control/points"][0])
-        self._tables.remember(memory)
+    def load_state_dict(self, state: Mapping[str, Vector]) -> None:
+        """Restore the state from `state` of an error control with the same algorithm."""
+        super().load_state_dict(state)
+        self._output_points = int(state["control/points"][0])
+        self._tables.load_state_dict(state)
 
     def close(self) -> None:
         """Free the saved states."""
@@ -254,7 +254,7 @@ def _list_event_points(events: Sequence[float], times: CommunicationPoints) -> l
     The step over a jump is so short that interpolation between its ends makes no difference.
     """
     within_run = [t for t in events if times.start < t <= times.stop]
-    return sorted({t - lead for t in within_run for lead in (0.0, JUST_BEFORE * times.step)})
+    return sorted({t - lead for t in within_run for lead in (0.0, EVENT_STEP_FRACTION * times.step)})
 
 
 def _find_last_point(times: CommunicationPoints, interval: float | None) -> float:

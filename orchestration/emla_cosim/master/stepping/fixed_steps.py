@@ -102,14 +102,14 @@ class FixedSteps(Stepping):
         """Add what FMUs discarded."""
         return [*super().remarks(), *self._division.remarks()]
 
-    def memory(self) -> dict[str, Vector]:
+    def state_dict(self) -> dict[str, Vector]:
         """Add the discarded steps to the memory."""
-        return super().memory() | self._division.memory()
+        return super().state_dict() | self._division.state_dict()
 
-    def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Restore the state from `memory` of fixed steps with the same algorithm."""
-        super().remember(memory)
-        self._division.remember(memory)
+    def load_state_dict(self, state: Mapping[str, Vector]) -> None:
+        """Restore the state from `state` of fixed steps with the same algorithm."""
+        super().load_state_dict(state)
+        self._division.load_state_dict(state)
 
     def note_change(self) -> None:
         """Record that something other than a step changes the system: earlier steps cannot be repeated."""

@@ -86,7 +86,7 @@ class Profiler:
             measured.close()
         for instance in self._isolated:
             if instance.name not in self._inner_efforts:
-                self._inner_efforts[instance.name] = instance.effort()
+                self._inner_efforts[instance.name] = instance.read_effort()
                 instance.measure(False)
 
     def report(self, wall_s: float) -> dict[str, Any]:
@@ -111,7 +111,7 @@ class Profiler:
         rows = dict[str, Any]()
         for instance, effort in efforts:
             if isinstance(instance, IsolatedInstance):
-                inner = self._inner_efforts[instance.name] if self._inner_efforts else instance.effort()
+                inner = self._inner_efforts[instance.name] if self._inner_efforts else instance.read_effort()
                 process_entries = {"separate_process": True, "waited_s": effort.seconds}
                 effort = effort if inner is None else inner
             else:

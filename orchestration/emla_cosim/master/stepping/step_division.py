@@ -52,7 +52,7 @@ class StepDivision:
         if not self._is_possible or (now := time.perf_counter()) < self._due:
             return
         try:
-            self._snapshot.take()
+            self._snapshot.save()
         except RunError:  # an FMU that cannot do what it declares can run all the same
             self._is_possible = False
             return
@@ -149,14 +149,14 @@ class StepDivision:
             if steps
         ]
 
-    def memory(self) -> dict[str, Vector]:
+    def state_dict(self) -> dict[str, Vector]:
         """Return the numbers of divided steps, and the shortest parts in s, shape (2, instances)."""
         divisions = self._loop.divisions
         return {"divisions": np.array([divisions["steps"], divisions["shortest"]], dtype=float)}
 
-    def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Continue from `memory` of a division with the same algorithm."""
-        self._loop.divisions["steps"], self._loop.divisions["shortest"] = memory["divisions"]
+    def load_state_dict(self, state: Mapping[str, Vector]) -> None:
+        """Continue from `state` of a division with the same algorithm."""
+        self._loop.divisions["steps"], self._loop.divisions["shortest"] = state["divisions"]
 
     def close(self) -> None:
         """Free the saved state; never raises."""

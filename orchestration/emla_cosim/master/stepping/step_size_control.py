@@ -53,7 +53,7 @@ class StepSizeControl(ABC):
             declared_option.check(getattr(self, declared_option.name))
 
     @abstractmethod
-    def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
+    def make_stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
         """Return what does the steps of a run.
 
         Args:
@@ -71,7 +71,7 @@ class FixedStepSize(StepSizeControl):
 
     is_regular = True
 
-    def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
+    def make_stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
         """Return steps of one length."""
         return FixedSteps(algorithm, request.times, request.threads)
 
@@ -105,7 +105,7 @@ class ErrorControlledStepSize(StepSizeControl):
         if self.error_tolerance is None:
             raise CommandError("the step-size control 'error' needs --error-tolerance.")
 
-    def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
+    def make_stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
         """Return steps that the error controls."""
         assert self.error_tolerance is not None
         events, largest = request.events(), self.largest_step

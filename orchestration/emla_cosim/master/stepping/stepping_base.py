@@ -99,13 +99,13 @@ class Stepping(ABC):
         """Return notes on the steps that a reader of the results needs."""
         return self.algorithm.remarks()
 
-    def memory(self) -> dict[str, Vector]:
+    def state_dict(self) -> dict[str, Vector]:
         """Return what steps have changed, as arrays by name."""
-        return self.algorithm.memory()
+        return self.algorithm.state_dict()
 
-    def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Continue from what `memory` returned in a stepping of the same class."""
-        self.algorithm.remember(memory)
+    def load_state_dict(self, state: Mapping[str, Vector]) -> None:
+        """Continue from what `state_dict` returned in a stepping of the same class."""
+        self.algorithm.load_state_dict(state)
 
     def close(self) -> None:
         """Free what the stepping holds of the FMU instances; never raises."""

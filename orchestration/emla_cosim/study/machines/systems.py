@@ -25,7 +25,7 @@ from ..actuator.joint_actuators import NONE, Actuators, check_actuator_joints
 from ..joint import start_values
 from ..joints.schema import JointFile
 from ..load_control import check_notch_joints
-from ..systems import Choice, study_joint
+from ..systems import Choice, build_joint_system
 from .blocks import MANIPULATOR, MachineBlocks, build_machine_blocks
 from .machine_file import MachineFile, load_machine_file, parse_machine_file
 from .motion import COMPONENT, Motion, describe_other_machine, load_motion, rest_at
@@ -135,7 +135,7 @@ def build_machine_system(
         mode: One of `MODES`. Default: coupled.
         trajectory: A trajectory file, which replaces the motion of the machine file.
         actuators: Actuators by joint, which replace those of the machine.
-        **variant: Further arguments of `study_joint`.
+        **variant: Further arguments of `build_joint_system`.
 
     Raises:
         CommandError: An argument does not fit the machine.
@@ -156,7 +156,7 @@ def build_machine_system(
     masses = start.masses if motion is None else _find_largest_masses(file, motion, start)
     components, connections, bonds = list[Component](), list[str](), dict[str, Bond]()
     for element, (joint, joint_file) in enumerate(file.joints.items(), 1):
-        built = study_joint(
+        built = build_joint_system(
             joint_file,
             controller,
             gains,

@@ -9,7 +9,7 @@ from ...base.errors import RunError
 from ...run.result import Result
 from ...views.animation import Animation, Film, Pixels
 from .curves import build_curves, label_panels
-from .movement import Movement, animated_signals, read_movement, recorded_signals
+from .movement import Movement, animated_signals, list_recorded_signals, read_movement
 from .scene import Scene, machine_and_panels
 
 PERIOD, _MAX_FRAMES = 0.08, 150
@@ -30,7 +30,7 @@ class MachineAnimation(Animation):
 
     def film(self, result: Result) -> Film:
         """Return the film of a run; raise RunError if its machine is unknown."""
-        movement = read_movement(result, result.read(["time", *recorded_signals(result)], _ROWS))
+        movement = read_movement(result, result.read(["time", *list_recorded_signals(result)], _ROWS))
         if movement is None:
             raise RunError("there is nothing to animate: no posture of the machine can be drawn.")
         return MachineFilm(movement)

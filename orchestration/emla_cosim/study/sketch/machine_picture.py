@@ -10,7 +10,7 @@ from ...run.result import Result
 from ...views.plots.pictures import Drawing
 from ...views.plots.style import BLUE, RED
 from .curves import build_curves, label_panels
-from .movement import Movement, read_movement, recorded_signals
+from .movement import Movement, list_recorded_signals, read_movement
 from .painting import DARK, EDGE
 from .parts import Posture
 from .scene import Scene, machine_and_panels, round_length
@@ -37,7 +37,7 @@ class MachinePicture(Drawing):
 
     def signals(self, result: Result) -> Iterable[str]:
         """Return the signals of actual and reference strokes, forces, and payload."""
-        return recorded_signals(result)
+        return list_recorded_signals(result)
 
     def drawn(self, result: Result, data: Mapping[str, Vector]) -> "Figure | None":
         """Draw a run with a machine; None if its strokes were not recorded."""

@@ -72,7 +72,7 @@ def animated_signals(names: Collection[str], roles: Mapping[str, str]) -> list[s
     )
 
 
-def recorded_signals(result: Result) -> list[str]:
+def list_recorded_signals(result: Result) -> list[str]:
     """Return the recorded signals of the machine; an empty list without a machine."""
     machine = find_machine(result)
     if machine is None:
@@ -93,7 +93,7 @@ def recorded_signals(result: Result) -> list[str]:
 def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None:
     """Return the movement of a run, as far as the machine closes; None if it is unknown.
 
-    `data` has the columns of `recorded_signals`, and `time`.
+    `data` has the columns of `list_recorded_signals`, and `time`.
     """
     machine = find_machine(result)
     if machine is None:

@@ -68,7 +68,7 @@ def describe_ending(result: Result) -> tuple[str, list[str]]:
 def list_figure_tables(result: Result) -> Iterator[FigureTable]:
     """Yield the tables that the terminal also shows."""
     for kind, figures in result.metrics.items():
-        if displays := result.shown.get(kind, ()):
+        if displays := result.displays.get(kind, ()):
             yield _build_table(kind, figures, displays)
     bonds = {name: figures for name, figures in result.coupling.items() if BONDS[0].name in figures}
     if bonds:

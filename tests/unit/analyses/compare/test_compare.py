@@ -144,7 +144,7 @@ def test_lost_joint_does_not_end_the_runs_of_others(compared: ec.CompareResult) 
     assert rows["tilt"]["lost_at_s"] < 1e-3 and "the run ended" in rows["tilt"]["why"]
     assert rows["lift"]["why"].startswith("lift tripped on its current at t = ")
     assert rows["lift"]["torque_peak_N_m"] > 0.0
-    assert [row["joint"] for row in compared.lost.rows(named=True)] == list(rows)
+    assert [row["joint"] for row in compared.failed_rows.rows(named=True)] == list(rows)
 
 
 def test_table_marks_figures_of_lost_joints(compared: ec.CompareResult) -> None:

@@ -50,7 +50,7 @@ def wide(sampling: str = "random", count: int = 100) -> SweepResult:
         signals=signals,
         series=series({s: lambda i, t: np.sin(6 * t) + x[0, i] for s in signals}, times),
         units=dict.fromkeys([*factors, *signals], "N.m.s/rad"),
-        shown=displays,
+        displays=displays,
     )
 
 
@@ -146,7 +146,7 @@ def test_map_of_a_grid_has_a_cell_for_each_variant() -> None:
     status = ["done"] * 18 + ["diverged"] * 2
     figures = {"x.held": is_held, "x.error": error}
     displays = {"x.error": MetricDisplay("error", "error", 2.0)}
-    figure: Any = swept(GRID, figures, "grid", status, shown=displays).plot("map")
+    figure: Any = swept(GRID, figures, "grid", status, displays=displays).plot("map")
     shades = figure.axes[0].collections[-1].get_array()
     expected = np.where(is_held & (np.arange(20) < 18), 2 * error, np.nan).reshape(5, 4).T
     assert np.array_equal(shades.filled(np.nan), expected, equal_nan=True)

@@ -33,7 +33,7 @@ def make(**fields: Any) -> SweepResult:
             "plain": [float(i) for i in range(11)],
         },
         status=STATUS,
-        shown=DISPLAYS,
+        displays=DISPLAYS,
         **fields,
     )
 
@@ -122,7 +122,7 @@ def test_summary_of_one_at_a_time() -> None:
         {"x": range(5), "y[b]": range(5)},
         {"lift.error_m": [1e-6, 2e-6, 1e-6, 4e-6, None]},
         "one-at-a-time",
-        shown=DISPLAYS,
+        displays=DISPLAYS,
     )
     printed = lines(build_report(result))
     start = printed.index("lift error in µm, each factor alone")

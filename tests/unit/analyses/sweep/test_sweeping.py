@@ -173,7 +173,7 @@ def test_metrics_of_every_kind(scheduler: Client, fmu_folder: Path) -> None:
 def test_metrics_of_users_are_registered_on_workers_for_one_sweep(
     cluster: Client, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def rows(layout: ec.Outline) -> Any:
+    def rows(layout: ec.RunLayout) -> Any:
         from typing import Any  # which this takes along, as it does `ec`
 
         class Rows(ec.Metrics):
@@ -185,11 +185,11 @@ def test_metrics_of_users_are_registered_on_workers_for_one_sweep(
             def figures(self) -> dict[str, dict[str, float]]:
                 return {"table": {"rows": self.count}}
 
-            def memory(self) -> Any:
+            def state_dict(self) -> Any:
                 return self.count
 
-            def remember(self, memory: Any) -> None:
-                self.count = memory
+            def load_state_dict(self, state: Any) -> None:
+                self.count = state
 
         return Rows()
 

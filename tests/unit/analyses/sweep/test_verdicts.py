@@ -37,7 +37,7 @@ class Growth(Block):
         return {"y": v.a * v.k * v.time}
 
 
-def limit_metrics(layout: ec.Outline) -> Any:
+def limit_metrics(layout: ec.RunLayout) -> Any:
     """Metrics that hold what stays below 2."""
     from typing import Any  # which this takes along, as it does `ec`
 
@@ -52,11 +52,11 @@ def limit_metrics(layout: ec.Outline) -> Any:
             reason = None if is_held else f"y comes to {self.largest:g}, beyond 2."
             return {"j": {"largest": self.largest, "held": is_held, "reason": reason}}
 
-        def memory(self) -> Any:
+        def state_dict(self) -> Any:
             return self.largest
 
-        def remember(self, memory: Any) -> None:
-            self.largest = memory
+        def load_state_dict(self, state: Any) -> None:
+            self.largest = state
 
     return Limit()
 
