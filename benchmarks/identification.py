@@ -24,8 +24,13 @@ import polars
 import emla_cosim as ec
 from emla_cosim.analyses.execution.worker_payload import Preparation
 from emla_cosim.analyses.frame.session import Job, Outcomes, Session
-from emla_cosim.analyses.variants.data import DONE, FAILED, SimulationDescription, VariantOutcome
-from emla_cosim.analyses.variants.measures import Measures
+from emla_cosim.analyses.variants.measures import (
+    DONE,
+    FAILED,
+    Measures,
+    SimulationDescription,
+    VariantOutcome,
+)
 from emla_cosim.base.errors import CosimError
 from emla_cosim.run.simulation import Simulation
 

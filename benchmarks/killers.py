@@ -18,7 +18,7 @@ from typing import Any
 from distributed import Client, LocalCluster
 
 from emla_cosim.analyses.sweep.runner import sweep
-from emla_cosim.analyses.variants.data import DIED, DONE
+from emla_cosim.analyses.variants.measures import DIED, DONE
 from tests.support.clusters import outside_cluster
 from tests.support.faulty_systems import line_with_a_fault
 from tests.support.hand_written_fmus import Fault, build_faulty_fmu

@@ -19,9 +19,9 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from docs.paste import pasted
+from emla_cosim.analyses.compare.report import FIGURES as RUN_FIGURES
 from emla_cosim.analyses.compare.result import DISPLAYS, LOST_AT, WHY, group_rows
 from emla_cosim.analyses.compare.statistics import group_by_variant, rank
-from emla_cosim.analyses.compare.tables import FIGURES as RUN_FIGURES
 from emla_cosim.base.wording import format_rounded
 from emla_cosim.study.joints.joint_table import Cells
 from emla_cosim.study.paper import PRINTED

@@ -15,9 +15,8 @@ import emla_cosim as ec
 from emla_cosim.analyses.frame.outputs import Outputs
 from emla_cosim.analyses.frame.report import Report, ReportTable, Section, Text
 from emla_cosim.analyses.frame.session import Job, Session
-from emla_cosim.analyses.variants.factors import resolve_factors
+from emla_cosim.analyses.variants.factors import merge_options, resolve_factors
 from emla_cosim.analyses.variants.measures import MetricRequest, resolve_measures
-from emla_cosim.analyses.variants.targets import merge_options
 from emla_cosim.base.progress import Progress
 from emla_cosim.cli.commands.analysis import show_result
 from emla_cosim.cli.commands.options import read_factors

@@ -5,8 +5,8 @@ from .analyses.identify.plan import Experiment as Experiment
 from .analyses.identify.plan import IdentificationPlan as IdentificationPlan
 from .analyses.identify.result import IdentificationResult as IdentificationResult
 from .analyses.identify.runner import identify as identify
-from .analyses.linearize.margins import Margins as Margins
 from .analyses.linearize.response import FrequencyResponse as FrequencyResponse
+from .analyses.linearize.response import Margins as Margins
 from .analyses.linearize.result import LinearizeResult as LinearizeResult
 from .analyses.linearize.runner import linearize as linearize
 from .analyses.linearize.state_space import StateSpace as StateSpace

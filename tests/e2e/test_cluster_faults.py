@@ -19,7 +19,7 @@ import psutil
 import pytest
 from distributed import Client, LocalCluster
 
-from emla_cosim.analyses.execution import dask_workers, variant_host
+from emla_cosim.analyses.execution import dask_workers, variant_processes
 from emla_cosim.analyses.sweep.result import read_sweep
 from emla_cosim.analyses.sweep.runner import sweep
 from emla_cosim.base.errors import CommandError, RunError
@@ -304,7 +304,7 @@ def test_hanging_variant_is_named_and_ended(
 ) -> None:
     """It is named while it runs, and ended in the end, also on resume. Ctrl-C ends it as well."""
     progress, scheduler = Notes(), None
-    monkeypatch.setattr(variant_host, "_SLOW_S", 0.5)
+    monkeypatch.setattr(variant_processes, "_SLOW_S", 0.5)
     if kind == "Dask":
         scheduler = request.getfixturevalue("cluster")
         scheduler.run(set_slow_s, 0.5)
@@ -332,12 +332,12 @@ def count_variant_processes() -> int:
     count = 0
     for child in psutil.Process().children():
         with suppress(psutil.Error):  # it has just ended
-            count += "emla_cosim.analyses.execution.variant_process:run_variants" in child.cmdline()
+            count += "emla_cosim.analyses.execution.variant_processes:run_variants" in child.cmdline()
     return count
 
 
 def set_slow_s(seconds: float) -> None:
-    variant_host._SLOW_S = seconds
+    variant_processes._SLOW_S = seconds
 
 
 @pytest.mark.slow

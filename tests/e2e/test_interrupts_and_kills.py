@@ -16,7 +16,7 @@ import pytest
 from click.testing import CliRunner
 
 from emla_cosim.analyses.frame import session
-from emla_cosim.analyses.variants.data import STATUS
+from emla_cosim.analyses.variants.measures import STATUS
 from emla_cosim.cli.app import app
 from emla_cosim.master.stepping.checkpoint import load_checkpoint
 from emla_cosim.views.output_folder import OutputFolder

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 import emla_cosim as ec
 from emla_cosim.analyses.execution.worker_payload import Preparation
-from emla_cosim.analyses.variants.targets import format_arguments
+from emla_cosim.analyses.variants.factors import format_arguments
 from emla_cosim.run.run_record import to_plain
 from emla_cosim.run.scenarios.scenario import Scenario
 from emla_cosim.study.actuator.entries import TABLES

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.analyses.linearize.margins import compute_margins
+from emla_cosim.analyses.linearize.response import compute_margins
 from emla_cosim.fmu.file import FmuFile
 from fmublock import DiscreteState
 from tests.support.state_feedback import STEP, WIRES, MatrixCart, MatrixGain

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.analyses.linearize.analysis_points import choose_openings
-from emla_cosim.analyses.linearize.margins import compute_margins
+from emla_cosim.analyses.linearize.perturbation import choose_openings
+from emla_cosim.analyses.linearize.response import compute_margins
 from tests.support.linear_drive import CURRENT, POSITION, STEP, LinearDrive
 from tests.support.tiers import mostly_slow
 

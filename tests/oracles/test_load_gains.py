@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.analyses.linearize.margins import LARGEST_MS, LEAST_GAIN_DB, LEAST_PHASE_DEG
+from emla_cosim.analyses.linearize.response import LARGEST_MS, LEAST_GAIN_DB, LEAST_PHASE_DEG
 from emla_cosim.analyses.linearize.result import MeasuredResponse
 from emla_cosim.analyses.linearize.runner import measure_loops
 from emla_cosim.study.joints.schema import load_joint

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from emla_cosim.analyses.execution import executor, variant_host
-from emla_cosim.analyses.execution.variant_process import VariantProcess
+from emla_cosim.analyses.execution import executor, variant_processes
+from emla_cosim.analyses.execution.variant_processes import VariantProcess
 from emla_cosim.analyses.execution.worker_payload import REGISTRIES
 
 
@@ -62,7 +62,7 @@ class InlineExecutor(Executor):
 def run_in_process() -> Iterator[None]:
     """Let sweeps on this machine run their variants in this process, in sequence."""
     with (
-        patch.object(variant_host, "Child", InProcessChild),
+        patch.object(variant_processes, "Child", InProcessChild),
         patch.object(executor, "ThreadPoolExecutor", InlineExecutor),
     ):
         yield

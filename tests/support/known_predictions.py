@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from emla_cosim.analyses.identify.certainty import Estimate
-from emla_cosim.analyses.identify.measurement import MeasuredSignal
 from emla_cosim.analyses.identify.parameters import Parameter, Parameters
 from emla_cosim.analyses.identify.problem import Problem
+from emla_cosim.analyses.identify.residuals import MeasuredSignal
 
 Model = Callable[[Mapping[str, float]], Sequence[Mapping[str, np.ndarray] | str]]
 

@@ -9,7 +9,7 @@ import polars
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.analyses.identify.measurement import read_measurements
+from emla_cosim.analyses.identify.residuals import read_measurements
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.signal_types import SignalType
 from emla_cosim.base.units import find_unit

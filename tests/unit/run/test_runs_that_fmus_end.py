@@ -8,7 +8,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.analyses.compare.rows import read_verdict
 from emla_cosim.analyses.sweep.report import status_line
-from emla_cosim.analyses.variants.data import DONE, VariantOutcome
+from emla_cosim.analyses.variants.measures import DONE, VariantOutcome
 from emla_cosim.base.errors import CommandError, RunError
 from tests.support.faulty_systems import Fault
 

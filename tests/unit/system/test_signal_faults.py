@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 
 import emla_cosim as ec
-from emla_cosim.analyses.variants.targets import format_arguments
+from emla_cosim.analyses.variants.factors import format_arguments
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.fmu.models import FLAVOURS, build

@@ -10,7 +10,7 @@ from ...base.wording import format_rounded
 from ...recorders.metrics import HELD, MetricDisplay
 from ...study.paper import PRINTED
 from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
-from .cases import read_stability_maps
+from .plan import read_stability_maps
 from .result import (
     PAPER,
     ROBUSTNESS,

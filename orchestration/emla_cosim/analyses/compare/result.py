@@ -10,8 +10,7 @@ import polars
 from ...recorders.metrics import HELD, MetricDisplay
 from ...study.loads import LoadFigures, LoadMetrics
 from ...study.metrics import CONVERGENCE_TIME, SHOWN_WITH_LOAD, JointFigures, JointMetrics
-from ..frame.report import ReportTable
-from ..frame.reported import ReportedResult
+from ..frame.report import ReportedResult, ReportTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -102,7 +101,7 @@ class CompareResult(ReportedResult):
     @property
     def grids(self) -> list[ReportTable]:
         """Tables in the order in which they are shown."""
-        from .tables import build_tables  # it needs this class
+        from .report import build_tables  # it needs this class
 
         return build_tables(self)
 
@@ -113,7 +112,7 @@ class CompareResult(ReportedResult):
 
     def markdown(self) -> str:
         """Return all tables as Markdown, the content of comparison.md."""
-        from .tables import describe_lost_joints
+        from .report import describe_lost_joints
 
         tables = "\n".join(grid.markdown() for grid in self.grids)
         lines = "".join(f"- {line}\n" for line in describe_lost_joints(self))

@@ -12,8 +12,7 @@ from ...recorders.metrics import HELD
 from ...run.result import Result
 from ...study.registration import JOINTS, LOADS
 from ...study.roles import find_tracked_joints, find_tracked_loads, find_variable, list_role_patterns
-from ..variants.data import DIED, VariantOutcome
-from ..variants.measures import Measures
+from ..variants.measures import DIED, Measures, VariantOutcome
 from .plan import ComparisonPlan
 from .result import COLUMNS, FIGURES, LOAD_FIGURES, LOST_AT, OBSERVER, RANDOM, RESERVES, SEED, WHY
 

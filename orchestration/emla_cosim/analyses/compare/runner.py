@@ -17,16 +17,22 @@ from ...study.loading import load
 from ...study.paper import PRINTED
 from ..execution.executor import Scheduler
 from ..frame.session import Session
-from ..variants.data import REFUSED
-from .cases import ComparisonCase, read_robustness_cases, read_stability_maps, read_stability_stop_time
-from .controller_variants import ALL, Choice, list_other_variants, select_variants
-from .margins import add_margins, measure_margins
-from .plan import ComparisonPlan, ComparisonTerms, plan_runs
+from ..variants.measures import REFUSED
+from .controller_variants import ALL, Choice, list_other_variants, parse_reserves, select_variants
+from .plan import (
+    ComparisonCase,
+    ComparisonPlan,
+    ComparisonTerms,
+    plan_runs,
+    read_robustness_cases,
+    read_stability_maps,
+    read_stability_stop_time,
+)
 from .report import OUTPUTS
 from .result import MARGINS, PAPER, ROBUSTNESS, STABILITY, TABLES, CompareResult
 from .rows import FIGURES_ONLY, WITH_ERRORS, build_rows, collect_motions
+from .stability import add_margins, measure_margins
 from .statistics import FEWEST_SEEDS
-from .terms import parse_reserves
 
 RESOLUTION = 7
 """Default number of points along an axis of a map."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
-from ..variants.data import DIED, TIMED_OUT, Chunk, VariantOutcome
+from ..variants.measures import DIED, TIMED_OUT, Chunk, VariantOutcome
 
 _CHUNK_S = 1.0
 """Target duration of a chunk in s: more than 100 times that of submitting it."""

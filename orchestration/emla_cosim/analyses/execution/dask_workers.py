@@ -140,7 +140,7 @@ def _make_plugin(key: str, required: str, files: Mapping[str, bytes], content: b
                 from pathlib import Path
                 from tempfile import mkdtemp
 
-                from emla_cosim.analyses.execution.variant_host import VariantHost
+                from emla_cosim.analyses.execution.variant_processes import VariantHost
                 from emla_cosim.base.errors import CommandError
 
                 if (there := version("emla-cosim")) != required:

@@ -18,10 +18,9 @@ from ...base.files import temporary_folder
 from ...base.interruption import catch_interrupts
 from ...base.process import count_cores
 from ...base.values import convert_value
-from ..variants.data import Chunk, SimulationDescription, Variant
-from ..variants.measures import Measures
+from ..variants.measures import Chunk, Measures, SimulationDescription, Variant
 from .chunk_queue import ChunkQueue, ChunkRequest, WorkPackage
-from .variant_host import VariantHost
+from .variant_processes import VariantHost
 from .worker_payload import WorkerPayload
 
 if TYPE_CHECKING:

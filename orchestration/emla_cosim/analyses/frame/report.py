@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any, NamedTuple
 
 from rich.box import SIMPLE
@@ -129,3 +130,22 @@ def _join_lines(text: str) -> str:
 def _mark_cell(cell: Text) -> str:
     text = _join_lines(cell.text)
     return f"**{text}**" if cell.is_best else text
+
+
+class ReportedResult:
+    """Base of results with a report: that of `build_report` in the module `report` beside their class."""
+
+    def _build_report(self) -> "Report":
+        # imported on first use: it needs the class of the result, and loads what only reports need
+        return import_module(".report", type(self).__module__.rpartition(".")[0]).build_report(self)
+
+    def __repr__(self) -> str:
+        """Return one line: the kind of analysis, its name, and short facts."""
+        report = self._build_report()
+        return f"<{report.kind} of {report.name}: {', '.join(report.facts)}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the report without its pictures, which `plot` draws."""
+        from ...pages.page import Plots, render_template  # importing it loads jinja2
+
+        return render_template(__package__ or "", "report_cell.html", Plots(), report=self._build_report())

@@ -20,8 +20,7 @@ from ...run.scenarios.scenario import Scenario
 from ..execution.chunk_queue import WorkPackage
 from ..execution.executor import Executor, Scheduler, check_cluster, open_executor, start_workers
 from ..execution.worker_payload import Preparation, WorkerPayload
-from ..variants.data import VARIANT, Chunk, SimulationDescription, Variant, VariantOutcome
-from ..variants.measures import Measures
+from ..variants.measures import VARIANT, Chunk, Measures, SimulationDescription, Variant, VariantOutcome
 from .outputs import AnalysisFolder, Outputs, R
 
 

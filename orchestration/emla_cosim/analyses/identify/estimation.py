@@ -14,9 +14,8 @@ from scipy.stats import qmc
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from .measurement import EXACT
 from .problem import Derivatives, Problem
-from .residuals import LINEAR, find_cost, find_robust_deviation
+from .residuals import EXACT, LINEAR, find_cost, find_robust_deviation
 
 _TOLERANCE = 1e-10
 """Relative change of cost and parameters at which the search ends."""

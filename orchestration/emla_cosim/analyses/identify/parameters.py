@@ -20,9 +20,8 @@ from ...system.names import Names
 from ..execution.worker_payload import Preparation
 from ..frame.plan_files import load_planned
 from ..variants.distributions import parse_distribution
-from ..variants.factors import Factor, resolve_factors
+from ..variants.factors import SHEET, START, Factor, merge_options, resolve_factors
 from ..variants.kinds import Uniform
-from ..variants.targets import SHEET, START, merge_options
 from .plan import IdentificationPlan
 
 DELAY = "delay"

@@ -11,11 +11,10 @@ from ...base.errors import CommandError
 from ...run.half_step import HalfStep
 from ...run.remarks import tells_lost_values
 from ..frame.session import Job, Runs
-from ..variants.data import DONE
-from ..variants.measures import Measures
-from ..variants.targets import START
-from .measurement import MeasuredSignal
+from ..variants.factors import START
+from ..variants.measures import DONE, Measures
 from .parameters import Parameters
+from .residuals import MeasuredSignal
 
 _BYTES_PER_VALUE = 8
 """Size of a value."""

@@ -18,9 +18,9 @@ from ...system.names import Names
 from ..execution.worker_payload import Preparation
 from ..frame.plan_files import load_planned
 from ..frame.session import Session
-from .measurement import MeasuredSignal, read_drivers, read_measurements
 from .parameters import DELAY, Parameters, resolve_parameters
 from .plan import IdentificationPlan
+from .residuals import MeasuredSignal, read_drivers, read_measurements
 
 _ROWS_PER_SAMPLE = 10
 """Rows of the simulation from one sample to the next if sensors may be late: straight lines between rows are

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
-from .measurement import EXACT, MeasuredSignal
 from .prediction import Prediction, Predictor, predict_samples
+from .residuals import EXACT, MeasuredSignal
 
 _INITIAL_STEP = 1e-3
 """First step of differences, as a part of the range of a parameter."""

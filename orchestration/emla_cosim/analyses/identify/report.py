@@ -11,8 +11,8 @@ import numpy as np
 from ...base.wording import format_count
 from ...views.plots.style import BLUE, GREY, ORANGE, RED, new_figure
 from ..frame.outputs import Outputs
+from ..frame.plan_files import format_scenario
 from ..frame.report import Report, ReportTable, Section, Text
-from ..frame.scenario_text import format_scenario
 from .certainty import Estimate
 from .residuals import Fit
 from .result import IdentificationResult

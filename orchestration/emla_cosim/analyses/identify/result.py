@@ -11,9 +11,8 @@ import numpy as np
 import polars
 from numpy.typing import NDArray
 
-from ..frame.reported import ReportedResult
-from .certainty import Estimate
-from .design import Candidate
+from ..frame.report import ReportedResult
+from .certainty import Candidate, Estimate
 from .residuals import Fit
 
 if TYPE_CHECKING:

@@ -17,13 +17,11 @@ from ...base.wording import format_count
 from ...inputs.input import Input
 from ...run.option_types import SweepOptions
 from ..execution.executor import Scheduler
-from ..frame.plan_files import Source
-from ..frame.scenario_text import scenario_content
+from ..frame.plan_files import Source, scenario_content
 from ..frame.session import Session
-from ..variants.targets import merge_options
-from .certainty import Certainty, make_estimate
+from ..variants.factors import merge_options
+from .certainty import Certainty, make_estimate, rank_experiments
 from .certainty import profile as find_profile
-from .design import rank_experiments
 from .estimation import Estimator, draw_starting_points
 from .plan import Experiment, IdentificationPlan, load_identification_plan
 from .prediction import InterruptedRunsError, Predictor

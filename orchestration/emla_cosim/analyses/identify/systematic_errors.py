@@ -16,10 +16,9 @@ from ...base.arrays import Vector
 from ...base.errors import join_names
 from ...run.half_step import HalfStep
 from .certainty import Certainty, find_covariance, judge
-from .measurement import MeasuredSignal
 from .parameters import DELAY, Parameters
 from .problem import Derivatives, Problem
-from .residuals import scale_for_loss
+from .residuals import MeasuredSignal, scale_for_loss
 
 _MIN_SHIFT = 3.0
 """Shift in its standard errors from which it is taken as real."""

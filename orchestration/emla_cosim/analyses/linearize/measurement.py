@@ -14,12 +14,11 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, CosimError, RunError
 from ...run.half_step import halve_step
 from ...run.simulation import Simulation
-from .analysis_points import AnalysisPoint, ResolvedPoint
-from .margins import compute_margins
-from .perturbation import Perturbation
+from .perturbation import AnalysisPoint, Perturbation, ResolvedPoint
 from .response import (
     Complex,
     FrequencyResponse,
+    compute_margins,
     count_integrators,
     is_growing,
     relative_norm,

@@ -6,9 +6,8 @@ from typing import Any
 
 import polars
 
-from ..frame.reported import ReportedResult
-from .margins import Margins
-from .response import FrequencyResponse
+from ..frame.report import ReportedResult
+from .response import FrequencyResponse, Margins
 from .state_space import StateSpace
 
 

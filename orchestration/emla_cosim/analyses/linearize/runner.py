@@ -21,11 +21,9 @@ from ...study.loading import load
 from ...system.fault import Fault
 from ...system.model import System, Value
 from ..frame.session import Session
-from .analysis_points import AnalysisPoint, choose_openings, parse_opening
-from .continuous_system import ContinuousSystem
-from .matrices import compute_matrices, find_steady_state
+from .matrices import ContinuousSystem, compute_matrices, find_steady_state
 from .measurement import judge_step, measure
-from .perturbation import Perturbation, check_reached
+from .perturbation import AnalysisPoint, Perturbation, check_reached, choose_openings, parse_opening
 from .report import OUTPUTS
 from .response import FrequencyResponse
 from .result import LinearizeResult, MeasuredResponse

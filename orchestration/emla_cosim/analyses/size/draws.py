@@ -14,13 +14,19 @@ from ...run.scenarios.scenario import Scenario
 from ...system.model import Value
 from ..execution.worker_payload import Preparation
 from ..frame.session import Job, Session
-from ..variants.data import VariantOutcome
 from ..variants.distributions import parse_distribution
-from ..variants.factors import Factor, resolve_factors
+from ..variants.factors import (
+    ACTUATOR,
+    OPTION,
+    Factor,
+    Target,
+    merge_options,
+    resolve_factors,
+    select_run_options,
+)
 from ..variants.kinds import Distribution, ValueList
-from ..variants.measures import Measures
+from ..variants.measures import Measures, VariantOutcome
 from ..variants.sampling import sample
-from ..variants.targets import ACTUATOR, OPTION, Target, merge_options, select_run_options
 from .joints import Examination, describe_overload
 from .limits import Utilisation, examine_heat
 from .result import JointSizing, SizeResult

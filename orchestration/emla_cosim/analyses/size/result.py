@@ -10,7 +10,7 @@ import polars
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...base.wording import format_count
-from ..frame.reported import ReportedResult
+from ..frame.report import ReportedResult
 from .cycle import Cycle
 from .figures import Losses, SizingFigures
 from .limits import Unexamined, Utilisation, format_percent

@@ -28,7 +28,7 @@ from ...study.roles import list_role_patterns
 from ...system.model import System
 from ..execution.executor import Scheduler
 from ..frame.session import Session
-from ..variants.targets import merge_options
+from ..variants.factors import merge_options
 from .cycle import SIGNALS, list_joints
 from .draws import SizedRun, Variation, run_draws
 from .joints import MAX_ROWS, Examination, describe_coupling, describe_cycle, describe_overload

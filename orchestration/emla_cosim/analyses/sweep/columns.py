@@ -1,6 +1,9 @@
-"""Read columns of a sweep's table as arrays: figures and factors."""
+"""Read columns of a sweep's table as arrays, and format their names, numbers and levels in pictures."""
 
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
@@ -8,8 +11,15 @@ import polars
 from ...base.arrays import Indices, Vector
 from ...base.errors import CommandError, suggest_names
 from ...recorders.metrics import MetricDisplay
-from ..variants.data import VARIANT
+from ...views.plots.style import new_figure
+from ..variants.measures import VARIANT
 from .result import SweepResult
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
 
 LARGEST = 1e150
 """Numbers beyond this count as missing: their squares overflow."""
@@ -143,3 +153,138 @@ def _to_numbers(column: polars.Series) -> Vector:
 
 def _format_level(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+_DECADES = 2.0
+"""Positive numbers get a logarithmic axis if 90 % of them span more decades than this."""
+
+_MAX_LEVELS = 12
+"""Most level names on an axis; of more levels only every n-th is named."""
+
+
+def shorten_text(text: str, most: int) -> str:
+    """Shorten a text to `most` characters: an ellipsis replaces its middle."""
+    text = re.sub(r"\s", " ", text)
+    if len(text) <= most:
+        return text
+    front = (most - 1) // 2
+    return f"{text[:front].rstrip(' .')}…{text[len(text) - (most - 1 - front) :].lstrip(' .')}"
+
+
+def wrap_text(text: str, width: int, lines: int = 2) -> str:
+    """Wrap a text to lines of at most `width` characters, if possible after dots and spaces.
+
+    A unit stays on the line of its quantity.
+    """
+    text = shorten_text(text, width * lines)
+    rows = [""]
+    for piece in re.split(r"(?<=[ .])(?<!/ )(?!/)(?![^(]*\))", text):
+        if len(rows[-1] + piece.rstrip()) <= width:
+            rows[-1] += piece
+        else:
+            rows.append(piece)
+    if len(rows) > lines or max(map(len, rows)) > width + 1:
+        rows = [text[i : i + width] for i in range(0, len(text), width)]
+    return "\n".join(line.strip() for line in rows if line.strip())
+
+
+def label_with_unit(name: str, unit: str) -> str:
+    """Return the axis label of a quantity: name / unit."""
+    if not unit:
+        return name
+    return f"{name} / ({unit})" if re.search(r"[ /.*]", unit) else f"{name} / {unit}"
+
+
+def factor_label(result: SweepResult, name: str) -> str:
+    """Return the label of a factor with its unit."""
+    return label_with_unit(name, result.units.get(name) or "")
+
+
+def figure_label(result: SweepResult, name: str) -> str:
+    """Return the label of a figure with its display unit."""
+    display = display_of(result, name)
+    return label_with_unit(display.label, display.unit)
+
+
+def is_wide(values: Vector) -> bool:
+    """Return whether values need a logarithmic axis: all positive, and most spanning many decades."""
+    finite = values[~np.isnan(values)]
+    if not len(finite) or finite.min() <= 0.0:
+        return False
+    # without the extremes, so that one outlier does not decide
+    low, high = np.quantile(finite, [0.05, 0.95])
+    return bool(np.log10(high / low) > _DECADES)
+
+
+def scale(axes: "Axes", axis: "Axis", values: Vector) -> None:
+    """Choose the scale of the x or y axis for numbers, with few ticks."""
+    from matplotlib.ticker import MaxNLocator, NullFormatter
+
+    if is_wide(values):
+        (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
+        axis.set_minor_formatter(NullFormatter())
+        return
+    axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+    axes.ticklabel_format(axis="x" if axis is axes.xaxis else "y", scilimits=(-3, 4))
+    axis.get_offset_text().set_fontsize(8)
+
+
+def put_levels(
+    axis: "Axis", levels: Sequence[str], most: int = 24, room: int | None = None, first: float = 0.0
+) -> None:
+    """Put names at the positions `first`, `first` + 1 and so on; of many only every n-th.
+
+    Names are shortened to `most` characters. They are rotated if together they exceed `room` characters.
+    """
+    positions = range(0, len(levels), -(-len(levels) // _MAX_LEVELS))
+    names = [shorten_text(levels[i], most) for i in positions]
+    is_rotated = room is not None and sum(len(name) + 2 for name in names) > room
+    rotation = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if is_rotated else {}
+    axis.set_ticks([first + i for i in positions], names, parse_math=False, **rotation)
+    axis.set_tick_params(labelsize=8)
+
+
+def put_title(figure: "Figure", title: str) -> None:
+    """Put the title over a picture."""
+    lines = wrap_text(title, int(9.0 * figure.get_figwidth()))
+    figure.suptitle(lines, fontsize=12, fontweight="bold", parse_math=False)
+
+
+def put_legend(figure: "Figure", handles: "Mapping[str, Artist]", note: str = "") -> None:
+    """Put a legend below the picture, with a note in small letters above it."""
+    width = figure.get_figwidth()
+    columns = len(handles) if width > 1.5 * len(handles) else -(-len(handles) // 2)
+    legend = figure.legend(
+        handles=list(handles.values()),
+        labels=["label"] * len(handles),  # matplotlib drops labels that begin with _ and parses those with $
+        loc="outside lower center",
+        ncols=columns,
+        fontsize=8,
+        frameon=False,
+    )
+    for text, label in zip(legend.get_texts(), handles, strict=True):
+        text.set(text=label, parse_math=False)
+    if note:
+        legend.set_title(" ")
+        legend.get_title().set(
+            text=wrap_text(note, int(13.0 * width), 4),
+            parse_math=False,
+            color="#555555",
+            fontsize=8,
+            ha="center",
+        )
+
+
+def make_panels(titles: Sequence[str], width: float, **size: Any) -> tuple["Figure", np.ndarray]:
+    """Return a picture with a panel for each title, and its axes: a row for each row of panels.
+
+    Panels in several columns have this `width` in inches; `size` are further arguments of `new_figure`.
+    """
+    columns = 1 if len(titles) <= 1 else 2 if len(titles) <= 4 else 3
+    rows = -(-len(titles) // columns)
+    figure, grid = new_figure(rows, columns, 7.5 if columns == 1 else width, sharex="none", **size)
+    for axes, title in zip(grid.flat, titles, strict=False):
+        axes.set_title(title, fontsize=9, parse_math=False)
+    for axes in grid.flat[len(titles) :]:
+        axes.set_visible(False)
+    return figure, grid

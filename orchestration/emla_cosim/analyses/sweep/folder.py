@@ -13,8 +13,7 @@ import polars
 from ...base.errors import CommandError, RunError
 from ...base.files import UNFINISHED, report_write_errors, write_atomically
 from ..frame.outputs import AnalysisFolder
-from ..variants.data import VARIANT, Chunk, to_parquet
-from ..variants.measures import Measures
+from ..variants.measures import VARIANT, Chunk, Measures, to_parquet
 from .result import (
     COMPLETED,
     DESIGN,

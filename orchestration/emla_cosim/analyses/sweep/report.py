@@ -15,14 +15,20 @@ from ...run.remarks import tells_lost_values
 from ...views.formatting import format_figure
 from ..frame.outputs import Outputs
 from ..frame.report import Report, ReportTable, Section
-from ..variants.data import DIED, DIVERGED, DONE, FAILED, PROBLEM, REFUSED, STATUS, VARIANT, to_parquet
-from .bands import draw_bands
-from .bar_charts import draw_sobol, draw_tornado
+from ..variants.measures import DIED, DIVERGED, DONE, FAILED, PROBLEM, REFUSED, STATUS, VARIANT, to_parquet
+from .charts import draw_bands, draw_sobol, draw_tornado
 from .columns import display_of, figure_values, is_truth, main_figure
 from .result import NOT_HELD, RECORD, SERIES, TABLE, SweepResult
 from .scatter import draw_figures, draw_map
-from .sensitivity import ONE_AT_A_TIME, SALTELLI, all_sobol_indices, local_sensitivities, sobol_indices
-from .statements import Statements, make_statements
+from .sensitivity import (
+    ONE_AT_A_TIME,
+    SALTELLI,
+    Statements,
+    all_sobol_indices,
+    local_sensitivities,
+    make_statements,
+    sobol_indices,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

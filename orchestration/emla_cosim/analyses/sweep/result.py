@@ -16,9 +16,9 @@ from ...base.errors import CommandError, check_choice
 from ...base.files import read_text
 from ...base.values import convert_value
 from ...recorders.metrics import HELD, MetricDisplay
-from ..frame.reported import ReportedResult
-from ..variants.data import DONE, PROBLEM, STATUS, VARIANT
-from ..variants.targets import Target, assign_value, format_arguments, merge_options
+from ..frame.report import ReportedResult
+from ..variants.factors import Target, assign_value, format_arguments, merge_options
+from ..variants.measures import DONE, PROBLEM, STATUS, VARIANT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -20,12 +20,18 @@ from ...run.run_setup import select_signals
 from ..execution.executor import Scheduler
 from ..execution.worker_payload import check_portable
 from ..frame.session import Runs, Session
-from ..variants.data import Chunk, SimulationDescription
-from ..variants.measures import Measures, Metric, MetricRequest, add_verdicts, resolve_measures
-from ..variants.targets import format_arguments, merge_options, needs_preparation
-from .design import Design, VariantGroup, design_variants
+from ..variants.factors import format_arguments, merge_options, needs_preparation
+from ..variants.measures import (
+    Chunk,
+    Measures,
+    Metric,
+    MetricRequest,
+    SimulationDescription,
+    add_verdicts,
+    resolve_measures,
+)
 from .folder import SweepFolder
-from .plan import Plan, Source, load_plan
+from .plan import Design, Plan, Source, VariantGroup, design_variants, load_plan
 from .report import OUTPUTS
 from .result import SweepResult, read_sweep
 

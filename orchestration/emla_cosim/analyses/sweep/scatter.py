@@ -9,18 +9,25 @@ from ...base.arrays import Mask, Vector
 from ...base.errors import CommandError, join_names
 from ...base.wording import format_number
 from ...views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
-from ..variants.data import DIED, DIVERGED, DONE, FAILED, REFUSED, TIMED_OUT
+from ..variants.measures import DIED, DIVERGED, DONE, FAILED, REFUSED, TIMED_OUT
 from .columns import (
     FactorColumn,
     display_of,
+    factor_label,
+    figure_label,
     figure_values,
     find_varying_factors,
     find_varying_figures,
     influence,
     is_truth,
+    is_wide,
     nothing_varies_error,
+    put_legend,
+    put_levels,
+    put_title,
+    scale,
+    wrap_text,
 )
-from .labels import factor_label, figure_label, is_wide, put_legend, put_levels, put_title, scale, wrap_text
 from .result import NOT_HELD, SweepResult
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from machine_fmu.spline import Spline
 
 from ...base.arrays import Vector
 from ...study.trajectory_file import check_trajectory
-from ..frame.reported import ReportedResult
+from ..frame.report import ReportedResult
 from .problem import describe_problem
 
 if TYPE_CHECKING:

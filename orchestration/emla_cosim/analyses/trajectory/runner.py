@@ -16,8 +16,8 @@ from ...base.errors import CommandError, RunError, check_choice
 from ...base.extras import LEFT_OUT, has_extra
 from ...base.progress import Progress
 from ...base.values import convert_value
-from .files import MotionFiles
 from .problem import load_problem
+from .report import MotionFiles
 from .result import TrajectoryResult
 
 _RANGES = {"degree": (3, 5), "points": (3, 50), "starts": (1, 100), "subdivisions": (1, 64)}

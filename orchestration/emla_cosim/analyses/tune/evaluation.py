@@ -7,8 +7,8 @@ from typing import Any
 
 from ...run.half_step import HalfStep
 from ..frame.session import Job, Runs
-from ..variants.data import VariantOutcome
-from ..variants.targets import merge_options
+from ..variants.factors import merge_options
+from ..variants.measures import VariantOutcome
 from .preparation import TuningTask
 from .result import Tuned
 from .score import Objective, Score

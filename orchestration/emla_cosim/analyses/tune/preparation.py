@@ -13,17 +13,14 @@ from ...run.requirements import Requirement, parse_requirement
 from ...run.run_setup import run_times
 from ...run.scenarios.scenario import Scenario
 from ..execution.worker_payload import Preparation
-from ..linearize.analysis_points import parse_opening
-from ..linearize.margins import LARGEST_MS, LEAST_GAIN_DB, LEAST_PHASE_DEG
+from ..linearize.perturbation import parse_opening
+from ..linearize.response import LARGEST_MS, LEAST_GAIN_DB, LEAST_PHASE_DEG
 from ..linearize.runner import measure_loops
-from ..variants.data import SimulationDescription
-from ..variants.factors import Factor, resolve_factors
-from ..variants.measures import Measures, MetricRequest, resolve_measures
-from ..variants.targets import merge_options
-from .expressions import Expression, parse_expression
+from ..variants.factors import Factor, merge_options, resolve_factors
+from ..variants.measures import Measures, MetricRequest, SimulationDescription, resolve_measures
 from .plan import Case, TuningPlan
 from .score import TRACKING_ERROR, Objective
-from .space import Space, build_space, check_during_a_run
+from .space import Expression, Space, build_space, check_during_a_run, parse_expression
 
 _PHASE, _GAIN_UP, _GAIN_DOWN, _MS = "phase_margin_deg", "gain_margin_up_dB", "gain_margin_down_dB", "Ms"
 

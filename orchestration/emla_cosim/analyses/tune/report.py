@@ -10,8 +10,8 @@ import numpy as np
 from ...base.wording import format_count, format_number
 from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy_axes
 from ..frame.outputs import Outputs
+from ..frame.plan_files import format_scenario
 from ..frame.report import Report, ReportTable, Section, Text
-from ..frame.scenario_text import format_scenario
 from .result import Tuned, TuneResult
 from .score import Score, format_figure
 

@@ -10,7 +10,7 @@ import polars
 
 from ...system.model import Value
 from ..frame.confidence import describe_share
-from ..frame.reported import ReportedResult
+from ..frame.report import ReportedResult
 from .score import Score
 
 if TYPE_CHECKING:

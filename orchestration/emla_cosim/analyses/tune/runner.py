@@ -18,8 +18,7 @@ from ...run.option_types import TuneOptions
 from ...run.requirements import check_no_condition
 from ...system.model import Value
 from ..execution.executor import Scheduler
-from ..frame.plan_files import Source, load_planned
-from ..frame.scenario_text import scenario_content
+from ..frame.plan_files import Source, load_planned, scenario_content
 from ..frame.session import Session
 from ..variants.measures import Metric
 from ..variants.sampling import draw_seeds

@@ -15,9 +15,9 @@ from ...base.arrays import Vector
 from ...recorders.metrics import METRICS, TRACKED, Figures, Metrics
 from ...recorders.recorder import RunLayout
 from ...run.requirements import Requirement
-from ..variants.data import VariantOutcome
-from .expressions import Expression
+from ..variants.measures import VariantOutcome
 from .plan import Case
+from .space import Expression
 
 Order = tuple[bool, float]
 """Sort key of a point, smaller is better: whether it is invalid; then its violation or its objective."""

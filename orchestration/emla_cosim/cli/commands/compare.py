@@ -6,11 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...analyses.compare import certificates
-from ...analyses.compare.certificates import CERTIFICATE, certify_gains
+from ...analyses.compare import stability
 from ...analyses.compare.report import OUTPUTS
 from ...analyses.compare.result import STABILITY, TABLES
 from ...analyses.compare.runner import RESOLUTION, SEEDS, compare
+from ...analyses.compare.stability import CERTIFICATE, certify_gains
 from ...base.errors import CommandError, CosimError, join_names
 from ...base.option import COMPARE, argument, option
 from .analysis import run_analysis
@@ -89,7 +89,7 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
         _check_certificate(parameters)
         options.pop("plots", None)  # a certificate has no plots
         options |= {"gains": parameters.gains, "report": parameters.report}
-        run_analysis(certificates.OUTPUTS, certify_gains, parameters.scenario, name, options)
+        run_analysis(stability.OUTPUTS, certify_gains, parameters.scenario, name, options)
         return
     options = {"plots": True, **options, **vars(parameters)}
     result, folder = run_analysis(OUTPUTS, compare, options.pop("scenario"), name, options)

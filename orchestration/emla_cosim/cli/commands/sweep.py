@@ -8,8 +8,8 @@ from typing import Any
 from ...analyses.sweep.plan import load_plan
 from ...analyses.sweep.report import OUTPUTS
 from ...analyses.sweep.runner import sweep
-from ...analyses.variants.data import DONE, STATUS
 from ...analyses.variants.distributions import FORMS
+from ...analyses.variants.measures import DONE, STATUS
 from ...analyses.variants.sampling import SAMPLINGS
 from ...base.errors import CosimError
 from ...base.option import OUTPUT, RUNS, SWEEP, option, switch

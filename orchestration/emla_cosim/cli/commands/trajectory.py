@@ -6,9 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...analyses.trajectory.files import MotionFiles
 from ...analyses.trajectory.problem import load_problem
-from ...analyses.trajectory.report import build_report
+from ...analyses.trajectory.report import MotionFiles, build_report
 from ...analyses.trajectory.runner import trajectory
 from ...base.files import report_write_errors
 from ...base.option import OUTPUT, TRAJECTORY, argument, option, switch

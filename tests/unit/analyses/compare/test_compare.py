@@ -16,17 +16,18 @@ from distributed import Client
 from markupsafe import escape
 
 import emla_cosim as ec
-from emla_cosim.analyses.compare.cases import ComparisonCase, read_robustness_cases, read_stability_maps
 from emla_cosim.analyses.compare.controller_variants import ControllerVariant, select_variants
 from emla_cosim.analyses.compare.plan import (
+    ComparisonCase,
     ComparisonPlan,
     ComparisonRun,
     ComparisonTerms,
     find_independent_subsystems,
     plan_runs,
+    read_robustness_cases,
+    read_stability_maps,
 )
-from emla_cosim.analyses.compare.report import OUTPUTS, build_report
-from emla_cosim.analyses.compare.tables import describe_lost_joints
+from emla_cosim.analyses.compare.report import OUTPUTS, build_report, describe_lost_joints
 from emla_cosim.analyses.execution.worker_payload import Preparation
 from emla_cosim.analyses.frame.outputs import render_page
 from emla_cosim.analyses.frame.report import Report, Section

@@ -9,9 +9,9 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.analyses.compare.margins import FIGURES, list_missed_conditions
-from emla_cosim.analyses.linearize.margins import compute_margins
+from emla_cosim.analyses.compare.stability import FIGURES, list_missed_conditions
 from emla_cosim.analyses.linearize.report import build_report
+from emla_cosim.analyses.linearize.response import compute_margins
 from fmublock import Block, DiscreteState, Input, Output
 from tests.support.linear_drive import POSITION, STEP, LinearDrive
 

@@ -12,9 +12,7 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.analyses.compare.rows import read_verdict
-from emla_cosim.analyses.compare.runner import compare
-from emla_cosim.analyses.compare.terms import (
+from emla_cosim.analyses.compare.controller_variants import (
     HeldOutSeeds,
     Reserves,
     describe_reserves,
@@ -22,8 +20,10 @@ from emla_cosim.analyses.compare.terms import (
     list_random_seeds,
     list_tuning_seeds,
 )
+from emla_cosim.analyses.compare.rows import read_verdict
+from emla_cosim.analyses.compare.runner import compare
 from emla_cosim.analyses.execution.worker_payload import Preparation
-from emla_cosim.analyses.variants.data import VariantOutcome
+from emla_cosim.analyses.variants.measures import VariantOutcome
 from emla_cosim.fmu.models import build
 from emla_cosim.run.scenarios.built_in import TUNINGS
 from emla_cosim.study.controllers import CONTROLLERS

@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import binom
 
 import emla_cosim as ec
+from emla_cosim.analyses.compare.report import describe_lost_joints
 from emla_cosim.analyses.compare.result import COLUMNS
 from emla_cosim.analyses.compare.statistics import (
     FEWEST_SEEDS,
@@ -22,7 +23,6 @@ from emla_cosim.analyses.compare.statistics import (
     mark_winner,
     rank,
 )
-from emla_cosim.analyses.compare.tables import describe_lost_joints
 from emla_cosim.recorders.metrics import MetricDisplay
 from emla_cosim.study.controllers import CONTROLLERS
 from emla_cosim.study.joint import describe_observer

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.analyses.execution.chunk_queue import ChunkAnswer, ChunkQueue, WorkPackage
-from emla_cosim.analyses.variants.data import DIED, DONE, TIMED_OUT, VariantOutcome
+from emla_cosim.analyses.variants.measures import DIED, DONE, TIMED_OUT, VariantOutcome
 
 OVERHEAD = 0.005
 """Seconds that a chunk costs beside its variants."""

@@ -26,7 +26,7 @@ class Watching(Progress):
     def begin(self, task: str, total: int, unit: str = "") -> None:
         self._count = 0
         if unit == "variants":
-            command = "emla_cosim.analyses.execution.variant_process:run_variants"
+            command = "emla_cosim.analyses.execution.variant_processes:run_variants"
             self._processes += [p for p in psutil.Process().children() if command in p.cmdline()]
 
     def advance(self, count: int) -> None:

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.analyses.sweep import bands as bands_module
-from emla_cosim.analyses.sweep.bands import PERCENTILES, compute_bands
-from emla_cosim.analyses.sweep.labels import label_with_unit, shorten_text, wrap_text
+from emla_cosim.analyses.sweep import charts as bands_module
+from emla_cosim.analyses.sweep.charts import PERCENTILES, compute_bands
+from emla_cosim.analyses.sweep.columns import label_with_unit, shorten_text, wrap_text
 from emla_cosim.analyses.sweep.report import draw_pictures
 from emla_cosim.analyses.sweep.result import SweepResult
 from emla_cosim.base.errors import CommandError

@@ -20,8 +20,7 @@ from emla_cosim.analyses.sweep.plan import Plan, load_plan
 from emla_cosim.analyses.sweep.report import OUTPUTS
 from emla_cosim.analyses.sweep.result import SweepResult
 from emla_cosim.analyses.sweep.runner import sweep
-from emla_cosim.analyses.variants.data import Chunk, VariantOutcome
-from emla_cosim.analyses.variants.measures import Measures
+from emla_cosim.analyses.variants.measures import Chunk, Measures, VariantOutcome
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.folder_lock import exclusive_lock
 from emla_cosim.system.model import Component, System

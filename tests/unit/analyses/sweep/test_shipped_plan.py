@@ -6,12 +6,10 @@ from pathlib import Path
 import polars
 import pytest
 
-from emla_cosim.analyses.sweep.design import Design, design_variants
-from emla_cosim.analyses.sweep.plan import load_plan
+from emla_cosim.analyses.sweep.plan import Design, design_variants, load_plan
 from emla_cosim.analyses.sweep.runner import sweep
-from emla_cosim.analyses.variants.data import DONE
-from emla_cosim.analyses.variants.factors import Factor
-from emla_cosim.analyses.variants.targets import Target
+from emla_cosim.analyses.variants.factors import Factor, Target
+from emla_cosim.analyses.variants.measures import DONE
 from emla_cosim.base.progress import Progress
 from tests.support.commands import Emla
 

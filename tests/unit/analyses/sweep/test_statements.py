@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binomtest
 
 from emla_cosim.analyses.sweep.report import OUTPUTS, build_report
-from emla_cosim.analyses.sweep.statements import make_statements
+from emla_cosim.analyses.sweep.sensitivity import make_statements
 from tests.support.sweep_results import swept
 
 N = 200

@@ -11,7 +11,7 @@ from rich.console import Console
 from emla_cosim.analyses.frame.report import Report
 from emla_cosim.analyses.sweep.report import OUTPUTS, build_report, find_worst_variants
 from emla_cosim.analyses.sweep.result import SweepResult
-from emla_cosim.analyses.variants.targets import Target
+from emla_cosim.analyses.variants.factors import Target
 from emla_cosim.recorders.metrics import MetricDisplay
 from tests.support.sweep_results import swept
 

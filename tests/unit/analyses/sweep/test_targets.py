@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from emla_cosim.analyses.variants.targets import OPTION, Target, assign_value, format_arguments
+from emla_cosim.analyses.variants.factors import OPTION, Target, assign_value, format_arguments
 from emla_cosim.base.errors import CommandError
 from emla_cosim.cli.app import load_command
 from emla_cosim.cli.parameters import read_values

@@ -12,7 +12,7 @@ from distributed import Client, KilledWorker
 import emla_cosim as ec
 from emla_cosim.analyses.execution import executor
 from emla_cosim.analyses.execution.executor import LocalWorkers, WorkersLostError
-from emla_cosim.analyses.variants.data import DIED, DONE
+from emla_cosim.analyses.variants.measures import DIED, DONE
 from emla_cosim.base import extras
 from emla_cosim.base.errors import CommandError, RunError
 

@@ -9,8 +9,7 @@ import polars
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.analyses.sweep.design import design_variants
-from emla_cosim.analyses.sweep.plan import load_plan
+from emla_cosim.analyses.sweep.plan import design_variants, load_plan
 from emla_cosim.base.progress import Progress
 from emla_cosim.base.units import LinearTransformation, SiUnit
 from emla_cosim.system.model import Alias, Component, System

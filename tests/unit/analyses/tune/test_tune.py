@@ -15,11 +15,11 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.analyses.tune.expressions import parse_expression
 from emla_cosim.analyses.tune.plan import load_tuning_plan
 from emla_cosim.analyses.tune.runner import Search
 from emla_cosim.analyses.tune.score import Objective, Score
-from emla_cosim.analyses.variants.data import DIVERGED, DONE, VariantOutcome
+from emla_cosim.analyses.tune.space import parse_expression
+from emla_cosim.analyses.variants.measures import DIVERGED, DONE, VariantOutcome
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
 from emla_cosim.run.requirements import parse_requirement
