@@ -33,9 +33,9 @@ from .base.errors import CosimError as CosimError
 from .base.errors import RunError as RunError
 from .base.option import option as option
 from .base.progress import Progress as Progress
-from .base.tubes.signal_check import Comparison as Comparison
-from .base.tubes.tolerance import Tolerance as Tolerance
-from .base.tubes.tolerance import Tube as Tube
+from .base.tolerances import Comparison as Comparison
+from .base.tolerances import Tolerance as Tolerance
+from .base.tolerances import Tube as Tube
 from .base.units import LinearTransformation as LinearTransformation
 from .base.units import SiUnit as SiUnit
 from .base.version import __version__ as __version__

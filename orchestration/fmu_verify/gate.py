@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from enum import StrEnum
 
-from emla_cosim.base.patterns import matches_pattern
+from emla_cosim.base.wording import matches_pattern
 
 from .check import Check
 from .findings import Finding

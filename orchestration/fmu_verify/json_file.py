@@ -43,7 +43,7 @@ Infinite numbers and NaN are null. Verdicts are passed, warning, failed and skip
 import json
 from typing import Any
 
-from emla_cosim.base.tubes.signal_check import Comparison
+from emla_cosim.base.tolerances import Comparison
 from emla_cosim.pages.plain import to_plain
 
 from .explanation import format_command

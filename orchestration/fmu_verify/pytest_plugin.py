@@ -272,7 +272,7 @@ def _match_files(patterns: Iterable[str], folder: Path, where: str) -> Iterator[
 def _read_settings(config: pytest.Config) -> Settings:
     """Read the options. Raise UsageError for invalid ones."""
     from emla_cosim.base.errors import CommandError
-    from emla_cosim.base.tubes.tolerance import read_tolerances
+    from emla_cosim.base.tolerances import read_tolerances
 
     from .examination import check_names
     from .settings import Settings

@@ -14,7 +14,7 @@ from emla_cosim.base.errors import CommandError, RunError, check_choice
 from emla_cosim.base.files import temporary_folder
 from emla_cosim.base.process import Child, ChildEndedError, ChildPool, count_cores
 from emla_cosim.base.progress import Progress
-from emla_cosim.base.tubes.tolerance import Tolerance
+from emla_cosim.base.tolerances import Tolerance
 from emla_cosim.base.values import convert_value
 
 from .check import Check

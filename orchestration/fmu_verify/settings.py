@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from emla_cosim.base.tubes.tolerance import Tolerance
+from emla_cosim.base.tolerances import Tolerance
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from emla_cosim.base.tubes.signal_check import Comparison
+from emla_cosim.base.tolerances import Comparison
 from emla_cosim.fmu.python_exceptions import describe_left_exception
 
 

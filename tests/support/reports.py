@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.base.tubes.signal_check import Comparison
-from emla_cosim.base.tubes.tolerance import Tube
+from emla_cosim.base.tolerances import Comparison, Tube
 from fmu_verify.findings import Examined, Finding
 from fmu_verify.report import Report
 from fmu_verify.verdict import CheckOutcome, Clause, failed, passed, skipped, warned

@@ -15,8 +15,7 @@ from fmublock.symbolic import evaluate_symbolically
 from fmublock.variables import ScalarVariable
 
 from ..base.errors import CommandError, join_names
-from ..base.patterns import matches_pattern, select_names
-from ..base.wording import find_free_name
+from ..base.wording import find_free_name, matches_pattern, select_names
 from ..container.plan import ContainerPlan, plan_container
 from ..fmu.models import find_block
 from ..master.algorithms.algorithm import Algorithm

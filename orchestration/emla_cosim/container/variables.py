@@ -9,7 +9,7 @@ from typing import Any
 from fmpy.model_description import ModelVariable
 
 from ..base.errors import CommandError
-from ..base.patterns import select_names
+from ..base.wording import select_names
 from ..fmu.elements import ElementVariable
 from .plan import ContainerPlan
 

@@ -14,9 +14,9 @@ import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable, Unknown, ValidationError
 from fmpy.validation import validate_model_description
 
+from ..base.arrays import REAL, SignalType
 from ..base.errors import CommandError, join_names, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
-from ..base.signal_types import REAL, SignalType
 from ..base.units import SiUnit
 from ..base.untrusted_xml import parse_xml
 from .attribute_faults import (

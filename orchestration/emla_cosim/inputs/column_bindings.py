@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from fmublock.table import TYPES
 
+from ..base.arrays import REAL, SignalType
 from ..base.errors import CommandError, join_names
-from ..base.patterns import matches_pattern
-from ..base.signal_types import REAL, SignalType
 from ..base.units import IDENTITY, LinearTransformation, SiUnit
+from ..base.wording import matches_pattern
 from ..system.model import System
 from ..system.names import NamedVariable, Names
 from ..system.vectors import find_indices

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import polars
 
-from ..base.arrays import Vector
+from ..base.arrays import REAL, SignalType, Vector
 from ..base.errors import CommandError, join_names, suggest_names
 from ..base.quantities import resolve_conversion
-from ..base.signal_types import REAL, SignalType
 from ..base.units import LinearTransformation, SiUnit
 from ..base.wording import format_count, shorten_line
 from ..system.vectors import find_indices

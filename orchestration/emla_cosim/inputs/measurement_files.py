@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.errors import CommandError, join_names
 from ..base.extras import require_extra
-from ..base.patterns import matches_pattern
+from ..base.wording import matches_pattern
 
 MEASUREMENT_ENDINGS = (".mf4", ".mdf", ".tdms")
 """File extensions of measurement files."""

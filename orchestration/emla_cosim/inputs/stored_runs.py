@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..base.arrays import Vector
+from ..base.arrays import REAL, SignalType, Vector
 from ..base.errors import CommandError
 from ..base.output_files import UNFINISHED_STATUS
-from ..base.signal_types import REAL, SignalType
 from ..base.units import SiUnit
 from ..recorders.registry import table_names
 from .data_tables import DataTable

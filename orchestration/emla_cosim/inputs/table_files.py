@@ -12,9 +12,9 @@ from typing import Any, TypeVar
 import numpy as np
 import polars
 
+from ..base.arrays import COLUMN_TYPES, SignalType, read_types
 from ..base.errors import CommandError, join_names
 from ..base.files import read_file
-from ..base.signal_types import COLUMN_TYPES, SignalType, read_types
 from ..base.wording import format_count
 from ..recorders.registry import TABLES, format_of
 from .csv_layout import NOT_FINITE, NUMBER, CsvLayout, bare_unit, find_layout, find_result_layout, is_list

@@ -13,12 +13,11 @@ import numpy as np
 from fmublock.errors import BuildError
 from fmublock.table import TableColumn, TableContent, TableOutput
 
-from ..base.arrays import Vector
+from ..base.arrays import REAL, Vector
 from ..base.errors import CommandError, RunError, join_names
 from ..base.extras import explain_missing
 from ..base.files import CacheError, temporary_folder
 from ..base.output_files import OutputFile
-from ..base.signal_types import REAL
 from ..base.units import IDENTITY
 from ..fmu.models import fmu_path, license_text, producer
 from .column_bindings import ColumnBinding, find_column, match_columns

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.errors import CommandError, suggest_names
 from ..base.output_files import OutputFile, has_format
-from ..base.patterns import is_pattern, matches_pattern
-from ..base.wording import format_count
+from ..base.wording import format_count, is_pattern, matches_pattern
 from ..pages.plain import to_plain
 
 if TYPE_CHECKING:

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base.arrays import Vector
-from ..base.signal_types import Texts
+from ..base.arrays import Texts, Vector
 
 if TYPE_CHECKING:  # commands that only list options do not load fmpy
     from fmpy.model_description import ModelVariable

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.colors import BLUE, GREY, RED
-from ..base.tubes.signal_check import Comparison
+from ..base.tolerances import Comparison
 from .curve_data import mask_undrawable
 from .page import Plots
 from .panels import Band, Line, Plot

@@ -15,8 +15,8 @@ import numpy as np
 
 from ..base.arrays import Vector, read_stored_array
 from ..base.errors import CommandError, suggest_names
-from ..base.patterns import select_names
 from ..base.units import SiUnit
+from ..base.wording import select_names
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.continuous_connections import (
     ContinuousConnection,

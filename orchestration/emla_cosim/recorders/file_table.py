@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import polars
 
-from ..base.arrays import Vector
+from ..base.arrays import REAL, Vector
 from ..base.output_files import OutputFile, has_record
-from ..base.signal_types import REAL
 from .recorder import RunLayout
 from .table import Table
 

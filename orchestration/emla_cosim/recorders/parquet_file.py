@@ -10,9 +10,8 @@ from typing import Any
 
 import polars
 
-from ..base.arrays import Vector
+from ..base.arrays import COLUMN_TYPES, SignalType, Vector, read_types, write_types
 from ..base.files import write_atomically
-from ..base.signal_types import COLUMN_TYPES, SignalType, read_types, write_types
 from ..base.units import COLUMN_UNITS
 from .file_table import FileTable, frame_rows
 from .recorder import RunLayout

@@ -5,10 +5,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from ..base.arrays import Vector
+from ..base.arrays import SignalType, Texts, Vector
 from ..base.errors import RunError
 from ..base.progress import Progress
-from ..base.signal_types import SignalType, Texts
 from ..base.units import LinearTransformation, SiUnit
 from ..master.stepping.stepping_base import Stepping
 from ..master.stepping.timing import CommunicationPoints

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Vector
-from ..base.signal_types import SignalType
+from ..base.arrays import SignalType, Vector
 from .recorder import Recorder, RunLayout
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
-from ..base.tubes.signal_check import Comparison, describe_departure, select_outside
+from ..base.tolerances import Comparison, describe_departure, select_outside
 
 if TYPE_CHECKING:  # importing it loads polars
     from ..inputs.stored_runs import StoredRun

@@ -6,7 +6,7 @@ from itertools import chain
 from typing import Any
 
 from ..base.option import options_of
-from ..base.patterns import has_wildcard, matches_pattern
+from ..base.wording import has_wildcard, matches_pattern
 from ..master.algorithms.registry import ALGORITHMS
 from ..master.stepping.step_size_control import STEP_SIZE_CONTROLS
 

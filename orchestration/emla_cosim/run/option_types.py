@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.option import FileOrObject
-from ..base.tubes.tolerance import Tolerance
+from ..base.tolerances import Tolerance
 from ..inputs.input import Input
 from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.step_size_control import StepSizeControl

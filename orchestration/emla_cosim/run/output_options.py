@@ -24,7 +24,7 @@ from ..base.option import (
     VERIFY,
     option,
 )
-from ..base.tubes.tolerance import Tolerance, read_tolerances
+from ..base.tolerances import Tolerance, read_tolerances
 from ..recorders.registry import TABLES
 from .plot_formats import PLOT_FORMATS
 from .system_options import ALL

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..base.errors import CommandError, check_choice, join_names
-from ..base.patterns import has_wildcard
 from ..base.progress import Progress
-from ..base.wording import format_count
+from ..base.wording import format_count, has_wildcard
 from ..fmu.interface import CO_SIMULATION, KINDS, Interface, read_interfaces
 from ..fmu.models import build, check_build_path, find_block
 from ..inputs.loaded_input import LoadedInput, find_data_end

@@ -12,9 +12,9 @@ from typing import Any
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
-from ..base.patterns import find_name, require_name
 from ..base.quantities import has_unit, read_quantity
 from ..base.units import LinearTransformation, SiUnit
+from ..base.wording import find_name, require_name
 from ..recorders.metrics import Figure
 from ..recorders.row_buffer import RowBuffer
 

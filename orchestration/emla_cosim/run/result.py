@@ -7,15 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..base.arrays import Vector
+from ..base.arrays import REAL, SignalType, Vector
 from ..base.errors import CommandError, check_choice
 from ..base.extras import LEFT_OUT, has_extra, require_extra
-from ..base.patterns import find_name
-from ..base.signal_types import REAL, SignalType
-from ..base.tubes.signal_check import Comparison, compare_signal
-from ..base.tubes.tolerance import Tolerance, find_tolerance
+from ..base.tolerances import Comparison, Tolerance, compare_signal, find_tolerance
 from ..base.units import SiUnit
 from ..base.values import convert_value
+from ..base.wording import find_name
 from ..master.stepping.timing import CommunicationPoints
 from ..recorders.metrics import Figures, MetricDisplay
 from ..recorders.table import Table

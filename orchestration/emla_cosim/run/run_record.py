@@ -8,9 +8,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from ..base.arrays import COLUMN_TYPES, write_types
 from ..base.files import hash_if_readable
 from ..base.option import FileOrObject, Option
-from ..base.signal_types import COLUMN_TYPES, write_types
 from ..master.algorithms.algorithm import Algorithm
 from ..master.assembly import Assembly
 from ..recorders.recorder import RunLayout

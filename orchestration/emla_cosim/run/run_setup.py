@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..base.errors import CommandError
-from ..base.patterns import find_names, select_names
+from ..base.wording import find_names, select_names
 from ..inputs.stored_runs import StoredRun, open_stored_run
 from ..master.algorithms.algorithm import Algorithm
 from ..master.run_loop import Pacing

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
-from ..base.patterns import matches_pattern
+from ..base.wording import matches_pattern
 
 SEED = "*.seed"
 """Pattern of the start values that seed random sequences."""

@@ -8,11 +8,11 @@ from itertools import count, takewhile
 
 from fmpy.model_description import ModelVariable
 
+from ..base.arrays import SignalType
 from ..base.errors import CommandError, join_names, suggest_names
-from ..base.patterns import find_names, has_wildcard, is_pattern
 from ..base.quantities import has_unit, read_quantity
-from ..base.signal_types import SignalType
 from ..base.units import SiUnit
+from ..base.wording import find_names, has_wildcard, is_pattern
 from ..fmu.interface import Interface
 from ..fmu.variables import explain_fixed, find_variable, suggest_settable
 from .model import Component, System, Value

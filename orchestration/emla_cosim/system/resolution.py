@@ -6,9 +6,9 @@ import unicodedata
 from collections.abc import Mapping
 from dataclasses import replace
 
+from ..base.arrays import SignalType
 from ..base.errors import CommandError
 from ..base.faults import accept_if_lenient, convert_documents_units
-from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.clocks import CLOCK, is_triggered_input
 from ..fmu.elements import BINARY, ElementVariable

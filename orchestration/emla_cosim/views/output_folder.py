@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Vector
+from ..base.arrays import Texts, Vector
 from ..base.errors import CommandError, RunError
 from ..base.extras import require_extra
 from ..base.files import report_write_errors
 from ..base.output_files import UNFINISHED_STATUS
 from ..base.progress import Progress
-from ..base.signal_types import Texts
 from ..pages.plain import to_plain
 from ..recorders.bond_energies import COUPLING
 from ..recorders.metrics import SIGNALS

@@ -251,7 +251,7 @@ def _list_signals(result: "Result", title: str) -> Iterator[Table | str]:
 def _show_agreement(result: "Result") -> None:
     """Show how many signals agree with the reference, and a table of the others, earliest departure first."""
     # it loads NumPy, which most output does not need
-    from ..base.tubes.signal_check import select_outside
+    from ..base.tolerances import select_outside
 
     outside = select_outside(result.comparisons)
     reference = result.record["reference"]["run"]

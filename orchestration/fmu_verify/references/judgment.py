@@ -3,8 +3,13 @@
 from collections.abc import Mapping
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.tubes.signal_check import Comparison, compare_signal, describe_departure, select_outside
-from emla_cosim.base.tubes.tolerance import find_tolerance
+from emla_cosim.base.tolerances import (
+    Comparison,
+    compare_signal,
+    describe_departure,
+    find_tolerance,
+    select_outside,
+)
 
 from ..host.instance_runs import OutputTrajectory
 from ..subject import Subject

@@ -16,8 +16,8 @@ import numpy as np
 from emla_cosim.base.arrays import Vector
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.files import read_text
+from emla_cosim.base.tolerances import Tolerance
 from emla_cosim.base.toml_structs import describe, read_toml, record
-from emla_cosim.base.tubes.tolerance import Tolerance
 from emla_cosim.base.values import convert_value
 from emla_cosim.fmu.elements import number_range
 from emla_cosim.fmu.interface import Interface

@@ -16,7 +16,7 @@ from jsonschema import Draft7Validator
 
 from emla_cosim.analyses.trajectory.problem import load_problem
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.schemas import make_schema
+from emla_cosim.base.toml_structs import make_schema
 from emla_cosim.base.values import convert_value
 from emla_cosim.cli.commands.schema import FILE_KINDS
 from emla_cosim.run.scenarios.built_in import PLANS, SCENARIOS, TUNINGS

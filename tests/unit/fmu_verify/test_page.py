@@ -7,7 +7,7 @@ import html5lib
 import numpy as np
 import pytest
 
-from emla_cosim.base.tubes.tolerance import Tube
+from emla_cosim.base.tolerances import Tube
 from emla_cosim.pages.bokeh_plots import build_figure
 from emla_cosim.pages.comparisons import build_comparison_rows
 from emla_cosim.pages.curve_data import condense_curves

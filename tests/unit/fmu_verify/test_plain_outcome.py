@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.base.tubes.signal_check import Comparison
-from emla_cosim.base.tubes.tolerance import Tube
+from emla_cosim.base.tolerances import Comparison, Tube
 from fmu_verify.subprocess_run import CheckProcess, read_outcome, write_outcome
 from fmu_verify.verdict import RETURNS, CheckOutcome, Verdict, failed, passed
 

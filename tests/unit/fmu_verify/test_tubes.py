@@ -9,8 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.tubes.signal_check import Comparison, compare_signal, describe_departure, select_outside
-from emla_cosim.base.tubes.tolerance import Tolerance, Tube, find_tolerance, read_tolerances
+from emla_cosim.base.tolerances import (
+    Comparison,
+    Tolerance,
+    Tube,
+    compare_signal,
+    describe_departure,
+    find_tolerance,
+    read_tolerances,
+    select_outside,
+)
 from emla_cosim.base.values import convert_value
 from fmu_verify.references.reference_files import ReferenceTable
 

@@ -10,8 +10,8 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.analyses.identify.residuals import read_measurements
+from emla_cosim.base.arrays import SignalType
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.signal_types import SignalType
 from emla_cosim.base.units import find_unit
 from emla_cosim.fmu.interface import Interface, read_interface
 from emla_cosim.fmu.models import build

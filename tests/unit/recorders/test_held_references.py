@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from emla_cosim.base.tubes.signal_check import compare_signal
-from emla_cosim.base.tubes.tolerance import Tolerance
+from emla_cosim.base.tolerances import Tolerance, compare_signal
 
 TIMES = np.arange(11) * 0.1
 STAIRS = np.floor(TIMES / 0.5 + 1e-9)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, suggest_names
-from emla_cosim.base.patterns import find_names, matches_pattern
+from emla_cosim.base.wording import find_names, matches_pattern
 from emla_cosim.system.fault import Fault, read_faults
 from emla_cosim.system.model import find_main_component
 from fmublock import Block, Input, Output, Parameter, State, build

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import polars
 
-from ...base.patterns import matches_pattern
+from ...base.wording import matches_pattern
 from ...recorders.metrics import HELD
 from ...run.result import Result
 from ...study.registration import JOINTS, LOADS

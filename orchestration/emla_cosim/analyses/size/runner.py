@@ -11,8 +11,8 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError, CosimError, RunError
-from ...base.patterns import matches_pattern
 from ...base.progress import Progress
+from ...base.wording import matches_pattern
 from ...recorders.table import TimeSeries
 from ...run.option_types import RunOptions
 from ...run.registered import list_roles

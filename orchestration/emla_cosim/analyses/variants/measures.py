@@ -15,7 +15,7 @@ import polars
 from polars.exceptions import PolarsError
 
 from ...base.errors import CommandError
-from ...base.patterns import select_names
+from ...base.wording import select_names
 from ...recorders.metrics import HELD, Figure, list_figures
 from ...run.half_step import HalfStep
 from ...run.result import Result

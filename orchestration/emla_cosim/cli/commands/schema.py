@@ -16,7 +16,7 @@ from ...analyses.sweep.plan import Plan
 from ...analyses.tune.plan import TuningPlan
 from ...base.errors import check_choice
 from ...base.option import argument
-from ...base.schemas import make_schema
+from ...base.toml_structs import make_schema
 from ...run.scenarios.scenario_file import scenario_struct
 from ...study.actuator.sheet_values import ACTUATOR
 from ...study.joints.joint_table import joint_struct

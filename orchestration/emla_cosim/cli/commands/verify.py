@@ -24,7 +24,7 @@ from ...base.files import check_output_files
 from ...base.interruption import catch_interrupts
 from ...base.option import OUTPUT, VERIFY, argument, option, switch
 from ...base.progress import Progress
-from ...base.tubes.tolerance import Tolerance, read_tolerances
+from ...base.tolerances import Tolerance, read_tolerances
 from ...base.wording import format_count
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
 from ...pages.text import make_visible

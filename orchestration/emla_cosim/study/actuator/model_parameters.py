@@ -10,8 +10,8 @@ from typing import Any
 from emla_fmu import motion_law
 
 from ...base.errors import CommandError, join_names
-from ...base.patterns import matches_pattern
 from ...base.quantities import parse_quantity
+from ...base.wording import matches_pattern
 from ...run.options import Options
 from ...system.model import System, Value
 from ..joints.motions import resting_deflection

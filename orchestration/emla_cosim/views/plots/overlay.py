@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base.arrays import Vector
+from ...base.arrays import COLUMN_TYPES, REAL, SignalType, Vector, read_types
 from ...base.errors import CommandError, check_choice
 from ...base.files import read_text
-from ...base.patterns import find_names, select_names
-from ...base.signal_types import COLUMN_TYPES, REAL, SignalType, read_types
+from ...base.wording import find_names, select_names
 from ...inputs.stored_runs import StoredRun, open_stored_run
 from ...pages.panels import Line, Plot
 from ...recorders.metrics import TRACKED, default_roles

@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ...base.arrays import Vector
+from ...base.arrays import REAL, SignalType, Vector
 from ...base.extras import require_extra
-from ...base.signal_types import REAL, SignalType
 from ...pages.panels import Line, Plot
 from .panel_drawing import draw_line
 from .style import COLORS, add_legend, count_legend_columns, new_figure, tidy_axes

@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ...base.arrays import Vector
-from ...base.signal_types import REAL
+from ...base.arrays import REAL, Vector
 from ...base.wording import format_count
 from ...pages.comparisons import build_comparison_rows
 from ...pages.page import Plots, render_template

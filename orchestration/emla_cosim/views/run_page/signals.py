@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...base.arrays import Vector
-from ...base.signal_types import REAL, SignalType
+from ...base.arrays import REAL, SignalType, Vector
 from ...pages.bokeh_plots import (
     add_legend,
     add_line,

@@ -1,1 +1,0 @@
-"""Compare signals with references, within tubes in time and value."""
