@@ -24,8 +24,7 @@ from .c_tables import SystemTables, write_part_source
 from .description import describe_container
 from .page import render_page
 from .plan import ContainerPlan, Library, plan_container
-from .terminals import write_terminals
-from .variables import ContainerVariable, list_variables
+from .variables import ContainerVariable, list_variables, write_terminals
 
 _SHARED = (
     *("messages.h", "logging.h", "conversions.h"),
