@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from emla_cosim.fmu.shared_library import missing_bytes
+from emla_cosim.fmu.file import missing_bytes
 
 from .binary_headers import NAMES_OF_VERSION_2, parse_platform
 from .subject import Subject

@@ -9,12 +9,11 @@ from typing import Any
 import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
-from emla_cosim.fmu.attribute_faults import find_attribute_fault
 from emla_cosim.fmu.clocks import CLOCK, InputClock, read_input_clocks
-from emla_cosim.fmu.document import FmuDocument
+from emla_cosim.fmu.document import FmuDocument, find_attribute_fault
 from emla_cosim.fmu.elements import split_arrays
+from emla_cosim.fmu.file import find_library
 from emla_cosim.fmu.interface import Interface, read_with_fmpy
-from emla_cosim.fmu.shared_library import find_library
 
 from .declarations import Declarations, read_declarations
 from .messages import shorten_sentence

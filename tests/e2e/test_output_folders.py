@@ -21,8 +21,8 @@ from emla_cosim.analyses.sweep.folder import SweepFolder
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.output_files import exclusive_lock
 from emla_cosim.cli.app import COMMANDS
+from emla_cosim.fmu.file import UnsafeArchiveError, unpack
 from emla_cosim.fmu.models import FMU_FOLDER, check_build_path
-from emla_cosim.fmu.unpack import UnsafeArchiveError, unpack
 from emla_cosim.run.options import list_options
 from emla_cosim.views.output_folder import OutputFolder
 from emla_cosim.views.plots.pictures import FIGURES

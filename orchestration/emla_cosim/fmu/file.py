@@ -1,17 +1,164 @@
 """FMU files: opened, checked and unpacked once for all instances in a system."""
 
-from collections.abc import Mapping
+import struct
+import zipfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from stat import S_ISLNK
+from typing import IO
 
+import fmpy
+import numpy as np
 from fmpy.model_description import ModelDescription, ModelVariable
+from numpy.typing import NDArray
 
 from ..base.errors import CommandError
 from ..base.files import hash_file
 from ..base.wording import format_count
 from .interface import CO_SIMULATION, Interface, explain_unsupported_kind, read_interface
-from .shared_library import explain_missing_library, find_library, missing_bytes
-from .unpack import UnsafeArchiveError, unpack
+
+_ELF = b"\x7fELF\x02\x01"  # 64 bits, little-endian
+_HEADER = struct.Struct("<32xQ14xHH6x")
+"""The fields of the file header: the offset of the segment table, the size of an entry, and their number."""
+_SEGMENT = struct.Struct("<I4xQ16xQ16x")
+"""The fields of a segment: its type, its offset in the file, and its size there."""
+_LOADED_TYPE = 1
+
+
+def find_library(folder: Path, identifier: str) -> Path | None:
+    """Return the library of an unpacked FMU for this machine, or None.
+
+    It is in the folder of the platform tuple, or of the FMI 2.0 platform name.
+    """
+    for platform in (fmpy.platform_tuple, fmpy.platform):
+        path = folder / "binaries" / platform / f"{identifier}{fmpy.sharedLibraryExtension}"
+        if path.is_file():
+            return path
+    return None
+
+
+def explain_missing_library(folder: Path, identifier: str) -> str:
+    """Return why an unpacked FMU has no library for this machine, as the end of a message."""
+    missing, name = f"has no binary for {fmpy.platform}", f"{identifier}{fmpy.sharedLibraryExtension}"
+    for platform in (fmpy.platform_tuple, fmpy.platform):
+        inside = folder / "binaries" / platform
+        if inside.is_dir():
+            present = sorted(str(p.relative_to(inside)) for p in inside.rglob("*") if p.is_file())
+            if not present:
+                return f"{missing}: the folder 'binaries/{platform}' is empty"
+            more = f" and {len(present) - 4} more files" if len(present) > 4 else ""
+            return (
+                f"{missing}: the folder 'binaries/{platform}' has {', '.join(present[:4])}{more}, but not "
+                f"'{name}', which is named after the modelIdentifier"
+            )
+    files = (p.relative_to(folder / "binaries") for p in folder.glob("binaries/*/**/*") if p.is_file())
+    platforms = sorted({file.parts[0] for file in files})
+    has_sources = any((folder / "sources").rglob("*.c"))
+    for platform in platforms:
+        right = platform.casefold()
+        if platform != right in (fmpy.platform_tuple, fmpy.platform):
+            return f"{missing}: the folder 'binaries/{platform}' must have the name '{right}'"
+    if platforms:
+        sources = ", and C sources, of which `fmpy compile` can make one" if has_sources else ""
+        return f"{missing}, only for {', '.join(platforms)}{sources}"
+    return (
+        f"{missing}, only C sources; `fmpy compile` can build it"
+        if has_sources
+        else f"{missing} or any other platform"
+    )
+
+
+def missing_bytes(path: Path) -> int:
+    """Return how many bytes of a library's ELF segments are beyond the end of its file.
+
+    Linux maps such segments without an error, and the first access ends the process. Truncated headers, and
+    files of other systems, give 0, because their loaders detect the fault.
+
+    Raises:
+        OSError: If the file cannot be read.
+    """
+    with path.open("rb") as stream:
+        head = stream.read(_HEADER.size)
+        if not head.startswith(_ELF) or len(head) < _HEADER.size:
+            return 0
+        table, width, count = _HEADER.unpack(head)
+        if width != _SEGMENT.size:
+            return 0
+        stream.seek(min(table, path.stat().st_size))
+        segments = stream.read(width * count)
+    entries = segments[: len(segments) // width * width]
+    ends = [offset + length for kind, offset, length in _SEGMENT.iter_unpack(entries) if kind == _LOADED_TYPE]
+    return max(max(ends, default=0) - path.stat().st_size, 0)
+
+
+LARGEST = 4 * 2**30
+"""The largest total size of unpacked files in bytes."""
+
+_BLOCK = 2**20
+
+
+class UnsafeArchiveError(Exception):
+    """An archive is unsafe; the message is the end of one that begins with the archive's name."""
+
+
+def unpack(path: Path, folder: Path) -> None:
+    """Unpack a zip file to a folder; nothing is written outside of it.
+
+    Raises zipfile's exceptions if it cannot read the file.
+
+    Raises:
+        UnsafeArchiveError: If a name, link or size is unsafe; nothing is written if that is in the archive's
+            directory.
+        OSError: If writing fails.
+    """
+    with zipfile.ZipFile(path) as archive:
+        entries = archive.infolist()
+        for entry in entries:
+            _check_name(entry)
+        if (total := sum(entry.file_size for entry in entries)) > LARGEST:
+            raise UnsafeArchiveError(
+                f"would unpack to {total / 2**30:.1f} GiB; the limit is {LARGEST // 2**30} GiB"
+            )
+        names: dict[str, str] = {}
+        for entry in entries:
+            target = folder / entry.filename
+            first = names.setdefault(entry.filename.casefold(), entry.filename)
+            if first != entry.filename and target.is_file():  # the file system ignores case
+                raise UnsafeArchiveError(
+                    f"has entries whose names differ only in case from '{entry.filename}'; the folder for "
+                    "temporary files cannot hold both: set TMPDIR to another one"
+                )
+            if entry.is_dir():
+                target.mkdir(parents=True, exist_ok=True)
+                continue
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with archive.open(entry) as source, target.open("wb") as stream:
+                _copy(source, stream, entry)
+
+
+def _check_name(entry: zipfile.ZipInfo) -> None:
+    name = entry.filename
+    # a colon separates the drive in Windows
+    outside = name.startswith("/") or ":" in name or ".." in PurePosixPath(name).parts
+    if outside or "\\" in entry.orig_filename:
+        raise UnsafeArchiveError(f"has the entry '{entry.orig_filename}', which is not a path inside it")
+    if S_ISLNK(entry.external_attr >> 16):
+        raise UnsafeArchiveError(f"has the entry '{name}', which is a symbolic link")
+
+
+def _copy(source: IO[bytes], target: IO[bytes], entry: zipfile.ZipInfo) -> None:
+    """Copy an entry; raise UnsafeArchiveError if its size differs from that in the directory."""
+    remaining = entry.file_size
+    # the directory of a malicious archive may understate sizes, which were checked before
+    while block := source.read(_BLOCK):
+        remaining -= len(block)
+        if remaining < 0:
+            raise UnsafeArchiveError(f"has the entry '{entry.filename}', which is longer than it says")
+        target.write(block)
+    if remaining:
+        raise UnsafeArchiveError(f"has the entry '{entry.filename}', which is shorter than it says")
+
 
 _EVENT_CAPABILITIES = ("hasEventMode", "mightReturnEarlyFromDoStep")
 
@@ -117,3 +264,26 @@ def _find_intact_library(path: Path, folder: Path, identifier: str) -> Path:
             f"{format_count(missing, 'byte is', 'bytes are')} missing. Download or build the FMU again."
         )
     return library
+
+
+MODEL = "DataTable"
+"""Model name of tables."""
+
+SPANS = ("begin", "end", "mean")
+"""What an output did in the last step: the line from its begin to its end, and its mean."""
+
+
+def is_table(file: "FmuFile") -> bool:
+    """Return whether an FMU is a table."""
+    return file.description.modelName == MODEL
+
+
+def find_span_references(file: "FmuFile", outputs: Sequence[str]) -> list[NDArray[np.uint32]]:
+    """Return the value references of the local variables with `SPANS` of these outputs, one array for each.
+
+    The list is empty for FMUs that are not tables, and for tables of discrete variables.
+    """
+    names = [[f"step.{span}.{output}" for output in outputs] for span in SPANS]
+    if not is_table(file) or not all(name in file.variables for each in names for name in each):
+        return []
+    return [np.array([file.variables[n].valueReference for n in each], dtype=np.uint32) for each in names]

@@ -19,13 +19,14 @@ from ..base.errors import CommandError, join_names, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.units import SiUnit
 from ..base.untrusted_xml import parse_xml
-from .attribute_faults import (
+from .clocks import CLOCK, explain_unsupported_clock
+from .document import (
+    DESCRIPTION,
+    FmuDocument,
     describe_missing_variability,
     find_attribute_fault,
     list_variables_without_variability,
 )
-from .clocks import CLOCK, explain_unsupported_clock
-from .document import DESCRIPTION, FmuDocument
 from .elements import (
     BINARY,
     WIDE,

@@ -15,12 +15,16 @@ from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.clocks import is_triggered_input
 from ..fmu.cvode import IntegratorSettings
 from ..fmu.elements import BINARY
-from ..fmu.file import FmuFile, open_fmu
+from ..fmu.file import FmuFile, is_table, open_fmu
 from ..fmu.interface import KINDS, Interface
 from ..fmu.log import FmuLog
-from ..fmu.structure import complete_start_values, convert_structure
-from ..fmu.tables import is_table
-from ..fmu.variables import TypedValue, convert_start_values, format_value
+from ..fmu.variables import (
+    TypedValue,
+    complete_start_values,
+    convert_start_values,
+    convert_structure,
+    format_value,
+)
 from ..system.model import Alias, Component, Connection, System
 from ..system.names import NamedVariable, Names
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system

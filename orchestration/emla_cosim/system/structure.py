@@ -7,7 +7,7 @@ from typing import Any
 from ..base.errors import CommandError
 from ..fmu.elements import ElementVariable
 from ..fmu.interface import Interface, read_interface, read_interfaces
-from ..fmu.structure import convert_structure
+from ..fmu.variables import convert_structure
 from .model import Component, System, Value
 from .names import Names
 from .resolution import convert_to_fmu_terms

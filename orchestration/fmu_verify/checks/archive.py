@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from emla_cosim.base.errors import find_machine_fault
-from emla_cosim.fmu.unpack import UnsafeArchiveError, unpack
+from emla_cosim.fmu.file import UnsafeArchiveError, unpack
 
 from ..check import check
 from ..declarations import find_repeated

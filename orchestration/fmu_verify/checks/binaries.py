@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import fmpy
 
+from emla_cosim.fmu.file import explain_missing_library, missing_bytes
 from emla_cosim.fmu.load_diagnosis import diagnose_library
-from emla_cosim.fmu.shared_library import explain_missing_library, missing_bytes
 
 from ..binary_headers import NAMES_OF_VERSION_2, describe_mismatch
 from ..c_sources import list_source_files

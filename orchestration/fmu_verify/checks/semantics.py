@@ -3,7 +3,7 @@
 import fmpy
 from fmpy.validation import validate_model_description
 
-from emla_cosim.fmu.attribute_faults import find_attribute_fault
+from emla_cosim.fmu.document import find_attribute_fault
 
 from ..check import check
 from ..messages import shorten_sentence

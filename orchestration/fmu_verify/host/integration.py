@@ -9,10 +9,9 @@ from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelDescription
 
 from emla_cosim.base.arrays import Vector
-from emla_cosim.fmu.continuous_model import ContinuousModel, DiscardedCall
 from emla_cosim.fmu.cvode import IntegratorSettings, SolverError
 from emla_cosim.fmu.instance import DISCARD
-from emla_cosim.fmu.integrator import Integrator
+from emla_cosim.fmu.integrator import ContinuousModel, DiscardedCall, Integrator
 from emla_cosim.fmu.version_3 import rename
 
 from ..subject import Subject

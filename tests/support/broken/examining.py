@@ -11,7 +11,7 @@ from pathlib import Path
 import lief  # noqa: F401  # once here, and not in each process of a check
 import pytest
 
-from emla_cosim.fmu.unpack import unpack
+from emla_cosim.fmu.file import unpack
 from fmu_verify import check_runner
 from fmu_verify.catalogue import CHECKS, DYNAMIC
 from fmu_verify.check import Check

@@ -12,8 +12,7 @@ import lief
 import pytest
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.fmu.file import open_fmu
-from emla_cosim.fmu.shared_library import missing_bytes
+from emla_cosim.fmu.file import missing_bytes, open_fmu
 from fmublock.archive import write_archive
 from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most

@@ -10,9 +10,14 @@ import fmpy
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.fmu.library_sources import find_source, find_system_with_glibc, find_version_of_gcc
-from emla_cosim.fmu.load_diagnosis import diagnose_library, explain_python_needs
-from emla_cosim.fmu.shared_library import explain_missing_library
+from emla_cosim.fmu.file import explain_missing_library
+from emla_cosim.fmu.load_diagnosis import (
+    diagnose_library,
+    explain_python_needs,
+    find_source,
+    find_system_with_glibc,
+    find_version_of_gcc,
+)
 from fmu_verify.verdict import Verdict
 from fmublock.archive import write_archive
 from tests.support.faulty_systems import faulty, open_system, wired

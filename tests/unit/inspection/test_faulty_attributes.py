@@ -10,7 +10,7 @@ import pytest
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from emla_cosim.base.errors import CommandError, CosimError
-from emla_cosim.fmu.attribute_faults import find_attribute_fault
+from emla_cosim.fmu.document import find_attribute_fault
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.inspection.collector import info
 from emla_cosim.study.loading import load

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from emla_cosim.cli.app import app
-from emla_cosim.fmu.unpack import LARGEST, UnsafeArchiveError, unpack
+from emla_cosim.fmu.file import LARGEST, UnsafeArchiveError, unpack
 from tests.support.refusals import problem_of
 from tests.support.ssp_documents import binding, component, description, folder, ssd, ssv, system
 

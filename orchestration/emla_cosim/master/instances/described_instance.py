@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...fmu.clocks import is_clocked
 from ...fmu.cvode import IntegratorSettings
 from ...fmu.elements import is_plain
-from ...fmu.file import FmuFile
+from ...fmu.file import FmuFile, find_span_references
 from ...fmu.interface import MODEL_EXCHANGE
-from ...fmu.tables import find_span_references
 from ...fmu.variables import TypedValue
 from .fmu_instance import FmuInstance
 from .start_values import RejectedValue

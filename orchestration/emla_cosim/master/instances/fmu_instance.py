@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...fmu.fmi_3_calls import StepEnd
-from ...fmu.python_exceptions import REMEDY
+from ...fmu.loaded_library import REMEDY
 
 if TYPE_CHECKING:
     from .python_calls import PythonCalls
@@ -181,7 +181,7 @@ class FmuInstance(ABC):
 
     @property
     def span_references(self) -> Sequence[NDArray[np.uint32]]:
-        """Value references of what its outputs did in the last step: see `emla_cosim.fmu.tables`.
+        """Value references of what its outputs did in the last step: see `emla_cosim.fmu.file`.
 
         Only tables have them, and not those with discrete outputs only.
         """

@@ -11,9 +11,9 @@ from fmpy.model_description import ModelDescription, ModelVariable
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...fmu.continuous_model import ContinuousModel, DiscardedCall
 from ...fmu.cvode import IntegratorSettings
 from ...fmu.elements import is_plain, position_in_array
+from ...fmu.integrator import ContinuousModel, DiscardedCall
 from .fmu_instance import EndRequestedError, InstanceError
 from .in_process_instance import InProcessInstance
 from .typed_values import TypedValues

@@ -11,7 +11,7 @@ from ...base.faults import is_lenient
 from ...base.units import IDENTITY, find_conversion
 from ...fmu.interface import KINDS, Interface, read_interface
 from ...fmu.parameters.parameter_sets import ParameterSet, SsvParameter
-from ...fmu.structure import convert_structure
+from ...fmu.variables import convert_structure
 from ...system.model import Alias, Component, Connection, System
 from ..documents.identifiers import parse_id
 from ..documents.ssd_data import (

@@ -11,7 +11,7 @@ from urllib.parse import unquote, urlsplit
 from ...base.errors import CommandError, join_names, raise_machine_fault, show_paths_relative_to
 from ...base.faults import accept_if_lenient
 from ...base.files import temporary_folder
-from ...fmu.unpack import UnsafeArchiveError, unpack
+from ...fmu.file import UnsafeArchiveError, unpack
 from ..documents.ssd_data import DEFAULT_SSD
 
 _LARGEST_INSIDE = 2**26
