@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.inputs.events import input_events, row_distance
 from emla_cosim.inputs.input import Input
+from emla_cosim.inputs.loaded_input import input_events, row_distance
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.stepping import control_tables
 from emla_cosim.master.stepping.error_control import REMARK_THRESHOLD, ErrorControl, default_largest_step

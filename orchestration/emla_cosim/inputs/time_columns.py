@@ -8,8 +8,15 @@ import polars
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..base.units import find_unit
-from .clock_times import describe_epoch, is_clock, is_epoch, read_clock, seconds_from_first
-from .csv_layout import TIME_NAMES, is_time_name
+from .csv_layout import (
+    TIME_NAMES,
+    describe_epoch,
+    is_clock,
+    is_epoch,
+    is_time_name,
+    read_clock,
+    seconds_from_first,
+)
 from .data_tables import DataTable
 from .headers import Header
 

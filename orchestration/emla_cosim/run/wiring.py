@@ -8,7 +8,7 @@ from typing import Any
 
 from ..base.errors import CommandError
 from ..base.units import IDENTITY
-from ..inputs.events import input_events, row_distance
+from ..inputs.loaded_input import input_events, row_distance
 from ..master.assembly import Assembly
 from ..master.stepping.checkpoint import Checkpoint, prepare_checkpoint
 from ..master.stepping.profiler import Profiler

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from ..inputs.schedules import SCHEDULES
+from ..inputs.loaded_input import SCHEDULES
 from ..recorders.metrics import METRICS, ROLES, TRACKED
 from ..run.registered import FOLLOWERS, SEEDS
 from ..run.scenarios.built_in import (

@@ -15,11 +15,11 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.base.units import find_unit
 from emla_cosim.fmu.interface import Interface, read_interface
 from emla_cosim.fmu.models import build
-from emla_cosim.inputs.events import input_events
 from emla_cosim.inputs.input import Input as DataInput
+from emla_cosim.inputs.loaded_input import input_events
 from emla_cosim.inputs.stored_runs import open_stored_run
 from emla_cosim.inputs.table_files import read_table
-from emla_cosim.inputs.table_fmus import build_data_fmu
+from emla_cosim.inputs.wired_inputs import build_data_fmu
 from emla_cosim.views.plots.overlay import read_traces
 from fmu_verify.references.reference_files import read_columns
 from fmublock import Block, DiscreteState, Input, Output

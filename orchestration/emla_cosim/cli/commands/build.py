@@ -113,7 +113,7 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
         check_build_path(model, flavour, output, overwrite)
         paths_by_name[name] = fmu_path(model if isinstance(model, str) else model.__name__, flavour, output)
     for name in data:
-        from ...inputs.table_fmus import data_fmu_path  # loads polars
+        from ...inputs.wired_inputs import data_fmu_path  # loads polars
 
         paths_by_name[name] = data_fmu_path(name, output)
     name_by_path = dict[str, str]()
@@ -133,7 +133,7 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
             paths.append(build(model, flavour, platforms, output, on_platform, *settings))
             progress.finish()
         for name in data:
-            from ...inputs.table_fmus import build_data_fmu
+            from ...inputs.wired_inputs import build_data_fmu
 
             path, data_notes = build_data_fmu(name, output, platforms, overwrite, fmi)
             paths.append(path)
