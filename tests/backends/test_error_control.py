@@ -17,10 +17,8 @@ from scipy.linalg import expm
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.algorithms.explicit import GaussSeidel, Jacobi
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
-from emla_cosim.master.algorithms.registry import ALGORITHMS
-from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.algorithms.registry import ALGORITHMS, GaussSeidel, Jacobi, Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate

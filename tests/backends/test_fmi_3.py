@@ -17,8 +17,8 @@ from emla_cosim.base import crash_page
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.fmu.file import open_fmu
 from emla_cosim.fmu.log import FmuLog
-from emla_cosim.master.instances.call_codes import code_of, decode_call
 from emla_cosim.master.instances.instance_kinds import make_instance
+from emla_cosim.master.instances.measured_calls import code_of, decode_call
 from tests.backends.systems import Springs
 from tests.support.hand_written_fmus import build_all_types_3_fmu, build_integrated_fmu
 

@@ -17,9 +17,8 @@ from hypothesis import given
 
 from emla_cosim.base.errors import RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.algorithms.explicit import GaussSeidel, Jacobi
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
-from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.algorithms.registry import GaussSeidel, Jacobi, Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
@@ -286,7 +285,7 @@ def test_without_a_compiler_there_is_one_message(faulty_fmu: Path, monkeypatch: 
 _START = """
 import sys
 from pathlib import Path
-from emla_cosim.master.algorithms.explicit import Jacobi
+from emla_cosim.master.algorithms.registry import Jacobi
 from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.faulty_systems import faulty, open_system, wired
 from tests.support.simulated import simulated

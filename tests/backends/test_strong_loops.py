@@ -7,8 +7,8 @@ import pytest
 
 from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.group import loop_derivatives
-from emla_cosim.master.algorithms.quasi_newton import estimate_jacobian
-from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.algorithms.newton import estimate_jacobian
+from emla_cosim.master.algorithms.registry import Strong
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.linear import LinearSlave, connected

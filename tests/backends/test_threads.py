@@ -25,15 +25,14 @@ from hypothesis import given
 
 import emla_cosim as ec
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.algorithms.explicit import GaussSeidel, Jacobi
-from emla_cosim.master.algorithms.strong import Strong
-from emla_cosim.master.algorithms.tasks import StepTask
+from emla_cosim.master.algorithms.program import StepTask
+from emla_cosim.master.algorithms.registry import GaussSeidel, Jacobi, Strong
 from emla_cosim.master.instances.fmu_instance import InstanceError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping import lanes as choice
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.schedule import ThreadSchedule, schedule_tasks
+from emla_cosim.master.stepping.lanes import ThreadSchedule, schedule_tasks
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.run.stepping_options import read_threads
 from emla_cosim.stepper.layout import Failure

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 import emla_cosim as ec
 from emla_cosim.base import crash_page
 from emla_cosim.base.units import LinearTransformation
-from emla_cosim.master.instances.call_codes import CALLS, code_of, decode_call
+from emla_cosim.master.instances.measured_calls import CALLS, code_of, decode_call
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Alias
 from tests.support.faulty_systems import line_with_a_fault

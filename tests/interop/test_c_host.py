@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from emla_cosim.fmu.file import FmuFile
-from emla_cosim.master.algorithms.explicit import Jacobi
+from emla_cosim.master.algorithms.registry import Jacobi
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load

@@ -14,8 +14,7 @@ import pytest
 
 from emla_cosim.fmu.models import fmu_path
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.algorithms.explicit import GaussSeidel
-from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.algorithms.registry import GaussSeidel, Strong
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load

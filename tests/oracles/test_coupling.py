@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.group import HALVINGS, SWEEPS
-from emla_cosim.master.algorithms.registry import ALGORITHMS
-from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.algorithms.registry import ALGORITHMS, Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError, InstanceError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import make_communication_points

@@ -7,8 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.algorithms.explicit import GaussSeidel, Jacobi
-from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.algorithms.registry import GaussSeidel, Jacobi, Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import make_communication_points

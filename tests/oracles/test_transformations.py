@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.master.algorithms.explicit import Jacobi
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
-from emla_cosim.master.algorithms.registry import ALGORITHMS
+from emla_cosim.master.algorithms.registry import ALGORITHMS, Jacobi
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.fixed_steps import FixedSteps

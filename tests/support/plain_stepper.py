@@ -13,8 +13,8 @@ import numpy as np
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import Known, Mode
 from emla_cosim.master.algorithms.group import HALVINGS, SWEEPS, CoupledGroup
+from emla_cosim.master.algorithms.newton import FILTER, NOISE, RELAXATION
 from emla_cosim.master.algorithms.program import PREVIOUS, SIGNALS, Call, Combine, Operation, Solve
-from emla_cosim.master.algorithms.quasi_newton import FILTER, NOISE, RELAXATION
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.step_size_control import StepRequest, StepSizeControl

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fmublock.compiling import c_number
 
-from ..master.instances.call_codes import split_code
+from ..master.instances.measured_calls import split_code
 from ..stepper.event_layout import CLOCK_SET, CLOCKED_CALL, TIMED_CLOCK, TRIGGERED_CLOCK, Events
 from ..stepper.layout import CALL, COMBINATION, GROUP, INPUT, INSTANCE, OPERATION, SIGNAL, TERM, Stepper
 

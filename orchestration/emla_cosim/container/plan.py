@@ -18,8 +18,8 @@ from ..fmu.variables import TypedValue
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.group import CoupledGroup
 from ..master.algorithms.initialization import find_initial_loops, solve_initial_values
+from ..master.algorithms.newton import Scale
 from ..master.algorithms.program import Operation
-from ..master.algorithms.scale import Scale
 from ..master.assembly import Assembly
 from ..master.instances.in_process_instance import InProcessInstance
 from ..master.network import Network

@@ -12,8 +12,7 @@ from ..base.errors import join_names
 from ..fmu.elements import position_in_array
 from ..fmu.integrator import MAX_ITERATIONS
 from .algorithms.initialization import solve_initial_values
-from .algorithms.newton import Newton, NoSolutionError
-from .algorithms.scale import Scale
+from .algorithms.newton import Newton, NoSolutionError, Scale
 from .instances.fmu_instance import FmuInstance
 from .instances.integrated_instance import IntegratedInstance
 from .instances.model_exchange_instance import ModelExchangeInstance

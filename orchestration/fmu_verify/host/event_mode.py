@@ -13,7 +13,7 @@ from emla_cosim.base.arrays import Vector
 from emla_cosim.base.errors import CosimError
 from emla_cosim.fmu.clocks import belongs, is_clocked
 from emla_cosim.fmu.instance import ERROR, OK
-from emla_cosim.master.instances.event_errors import describe_answer
+from emla_cosim.master.instances.event_mode_instance import describe_answer
 from emla_cosim.master.instances.event_tables import EventTables, FmiAccess
 from emla_cosim.stepper.event_layout import (
     DO_STEP,

@@ -8,7 +8,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.base.errors import RunError
-from emla_cosim.master.algorithms.explicit import Jacobi
+from emla_cosim.master.algorithms.registry import Jacobi
 from emla_cosim.master.instances.event_mode_instance import EventModeInstance
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.system.model import System

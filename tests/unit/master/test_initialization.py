@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 
 from emla_cosim.base.errors import RunError
-from emla_cosim.master.algorithms.explicit import GaussSeidel, Jacobi
+from emla_cosim.master.algorithms.registry import GaussSeidel, Jacobi
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.faulty_systems import faulty, line_with_a_fault, open_system, run_system, wired

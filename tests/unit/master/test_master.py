@@ -3,8 +3,7 @@
 import pytest
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.master.algorithms.explicit import GaussSeidel, Jacobi
-from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.algorithms.registry import GaussSeidel, Jacobi, Strong
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import make_communication_points

@@ -9,8 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.master.algorithms.explicit import Explicit, GaussSeidel, Jacobi
-from emla_cosim.master.algorithms.strong import Strong
+from emla_cosim.master.algorithms.registry import Explicit, GaussSeidel, Jacobi, Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.error_control import ErrorControl

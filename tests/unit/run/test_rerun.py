@@ -132,7 +132,7 @@ def test_python_objects_need_a_replacement(emla: Emla, fmu_folder: Path) -> None
     with ec.load("lift").prepare(fmus=fmu_folder, algorithm=ec.Jacobi()) as simulation:
         simulation.run(stop_time=0.001).save("out", plots=False)
     message = sentence(emla("rerun", "out"), 2)
-    assert "has the algorithm emla_cosim.master.algorithms.explicit.Jacobi, an object of Python" in message
+    assert "has the algorithm emla_cosim.master.algorithms.registry.Jacobi, an object of Python" in message
     assert emla("rerun", "out", "--algorithm", "jacobi").exit_code == 0
     system = ec.load("lift").system
     with ec.load(system, stop_time=0.001, step_size=1e-4, fmus=fmu_folder).prepare() as simulation:
@@ -150,7 +150,7 @@ def test_record_has_the_options_of_all_calls(fmu_folder: Path) -> None:
     assert first.record["changed"] == {
         "set": {"lift.plant.motor.R_s": 0.2, "lift.plant.motor.L_q": 1e-3},
         "stop_time": 0.001,
-        "algorithm": {"python": "emla_cosim.master.algorithms.explicit.Jacobi"},
+        "algorithm": {"python": "emla_cosim.master.algorithms.registry.Jacobi"},
     }
     assert second.record["changed"]["set"]["lift.plant.motor.R_s"] == 0.1
 

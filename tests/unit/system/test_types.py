@@ -10,7 +10,7 @@ import pytest
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.units import LinearTransformation
-from emla_cosim.master.algorithms.explicit import Jacobi
+from emla_cosim.master.algorithms.registry import Jacobi
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.instances.described_instance import _nominal
 from emla_cosim.master.stepping.timing import make_communication_points

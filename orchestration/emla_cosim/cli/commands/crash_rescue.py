@@ -15,7 +15,7 @@ from ...base.crash_page import Stage
 from ...base.errors import CosimError, join_names
 from ...base.interruption import POLITE
 from ...base.output_files import UNFINISHED_STATUS
-from ...master.instances.call_codes import decode_call
+from ...master.instances.measured_calls import decode_call
 from ...recorders.file_table import FileTable
 from ...recorders.metrics import MetricsRecorder
 from ...recorders.recorder import RunLayout, recording

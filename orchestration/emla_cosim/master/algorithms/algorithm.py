@@ -16,19 +16,20 @@ from ..network import Link, Network
 from .extrapolation import EXTRAPOLATIONS, Exchange
 from .group import CoupledGroup, loop_derivatives
 from .initialization import initialize
+from .newton import Scale, estimate_jacobian
 from .program import (
     SIGNALS,
     Combine,
     Instruction,
     Operation,
     Solve,
+    StepTask,
     check_instruction,
+    find_split_steps,
     list_vectors,
     move_first,
+    plan_tasks,
 )
-from .quasi_newton import estimate_jacobian
-from .scale import Scale
-from .tasks import StepTask, find_split_steps, plan_tasks
 
 MOST = 2**31
 """The largest step multiple."""

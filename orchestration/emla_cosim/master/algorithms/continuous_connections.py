@@ -8,7 +8,7 @@ import numpy as np
 from ...base.arrays import Vector
 from ..network import Link, Network
 from .algorithm import Algorithm
-from .quasi_newton import RELAXATION
+from .newton import RELAXATION
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import numpy as np
 from ...base.arrays import Indices, Vector
 from ...base.errors import RunError
 from .extrapolation import Exchange
+from .newton import Scale
 from .program import Call, Operation
-from .scale import Scale
 
 SWEEPS = 30
 """Largest number of sweeps over a loop. After these, no solution is assumed to be near."""

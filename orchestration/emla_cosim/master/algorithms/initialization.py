@@ -5,8 +5,7 @@ import numpy as np
 from ...base.arrays import Indices, Vector
 from ...base.errors import RunError, join_names
 from ..network import Link, Network
-from .newton import Newton, NoSolutionError
-from .scale import Scale
+from .newton import Newton, NoSolutionError, Scale
 
 
 def initialize(network: Network, start_time: float, stop_time: float | None) -> None:

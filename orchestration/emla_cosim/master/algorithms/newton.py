@@ -1,23 +1,12 @@
-"""Newton's method for fixed points x = F(x), with derivatives from differences.
-
-A loop of instances answers a guess x with F(x). The method solves
-
-    (1 - F') dx = F(x) - x
-
-and shortens dx until the correction at the new point is smaller (natural monotonicity test). So the scale
-of values and equations makes no difference, and a linear loop needs one step at any gain. The
-derivatives F' are kept while the corrections shrink fast.
-
-P. Deuflhard: Newton Methods for Nonlinear Problems, Springer 2011, section 3.3,
-doi:10.1007/978-3-642-23899-4.
-"""
+"""Newton's and quasi-Newton methods for fixed points x = F(x), and sizes of signals."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...base.arrays import Vector
+from ...base.arrays import Indices, Vector
+from ..network import Network
 
 TOLERANCE = 1e-12
 """Values agree if their difference and their correction are at most this fraction of their size."""
@@ -169,3 +158,58 @@ class Newton:
             left_vectors[:, visible].T / rows
         )
         return _Inverse(matrix, right_vectors[~visible].T)
+
+
+RELAXATION = 0.1
+"""Relaxation factor before the first secant."""
+
+NOISE = 1e-10
+"""Changes of the residual below this fraction of it count as rounding errors."""
+
+FILTER = 1e-3
+"""A difference is used if at least this fraction of it is orthogonal to newer ones."""
+
+
+def estimate_jacobian(count: int, derivatives: Vector | None = None) -> Vector:
+    """Return J before the first step, shape (count, count).
+
+    Args:
+        count: Number of values.
+        derivatives: F' = dF/dx, so that J = F' (F' - 1)^-1; None if it is not known.
+    """
+    default = np.eye(count) * (1.0 - RELAXATION)
+    if derivatives is None:
+        return default
+    try:
+        with np.errstate(all="ignore"):
+            jacobian = np.linalg.solve((derivatives - np.eye(count)).T, derivatives.T).T
+    except np.linalg.LinAlgError:
+        return default
+    return np.array(jacobian, dtype=float) if np.isfinite(jacobian).all() else np.array(default)
+
+
+NOMINAL_SHARE = 0.01
+"""Fraction of a variable's nominal value that is added to the size of its signal."""
+
+TINY = np.finfo(float).tiny
+"""Smallest size, so that a division by a size is safe."""
+
+
+class Scale:
+    """The size of every signal: its largest absolute value so far, plus a hundredth of its nominal value.
+
+    So a force that passes through zero keeps the size of a typical force.
+    """
+
+    def __init__(self, network: Network) -> None:
+        nominals = [instance.nominals for instance in network.instances]
+        self.floor: Vector = np.fmax(NOMINAL_SHARE * np.concatenate([np.empty(0), *nominals]), TINY)
+        self.largest: Vector = np.zeros(len(network.signals))
+
+    def sizes(self, which: Indices) -> Vector:
+        """Return the sizes of these signals."""
+        return self.largest[which] + self.floor[which]
+
+    def relative(self, difference: Vector, which: Indices) -> Vector:
+        """Return absolute differences of these signals, divided by their sizes."""
+        return np.abs(difference) / self.sizes(which)

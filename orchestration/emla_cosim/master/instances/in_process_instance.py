@@ -36,8 +36,7 @@ from ...fmu.log import FmuLog
 from ...fmu.variables import TypedValue
 from ...fmu.version_3 import rename, short_functions
 from ...stepper.layout import OUT_OF_RANGE
-from .call_codes import CALLS, code_of
-from .described_instance import DescribedInstance
+from .described_instance import DescribedInstance, StartValues
 from .fmu_instance import (
     CallNames,
     DiscardedStepError,
@@ -47,7 +46,7 @@ from .fmu_instance import (
     InstanceError,
     PythonExceptionError,
 )
-from .start_values import StartValues
+from .measured_calls import CALLS, code_of
 from .typed_values import TypedValues, TypeGroup, ValueRangeError, allocate_array
 
 _POINTER = ctypes.c_void_p

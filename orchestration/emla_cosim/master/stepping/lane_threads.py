@@ -10,7 +10,7 @@ from ...base import crash_page
 from ...base.errors import RunError
 from ...stepper.layout import LANE, TASK, WAIT, Stepper
 from ...stepper.library import StepperLibrary
-from ..algorithms.tasks import StepTask
+from ..algorithms.program import StepTask
 
 
 class LaneThreads:

@@ -7,9 +7,9 @@ from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...fmu.instance import FINE
 from ...fmu.loaded_library import REMEDY, describe_left_exception, uses_python
-from ..instances.call_codes import decode_call
 from ..instances.described_instance import DescribedInstance
 from ..instances.fmu_instance import PythonExceptionError
+from ..instances.measured_calls import decode_call
 from ..network import Network
 
 _MOST_NAMES = 4

@@ -17,8 +17,7 @@ from ...stepper.layout import DIVISION, Control, Failure, Halves, Stepper
 from ...stepper.layout import Call as StepperCall
 from ...stepper.library import StepperLibrary, address_of_clock
 from ..algorithms.algorithm import Algorithm
-from ..algorithms.program import Call
-from ..algorithms.tasks import StepTask
+from ..algorithms.program import Call, StepTask
 from ..coupling.halved_program import HalvedProgram, halve
 from ..instances.fmu_instance import EntryPoints
 from ..instances.measured_calls import KINDS, Calls

@@ -30,9 +30,9 @@ from ..algorithms import program
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.extrapolation import Mode
 from ..algorithms.group import HALVINGS, SWEEPS, CoupledGroup
-from ..algorithms.tasks import overlap_steps
-from ..instances.call_codes import CALLS, code_of
+from ..algorithms.program import overlap_steps
 from ..instances.fmu_instance import EntryPoints, GroupCall
+from ..instances.measured_calls import CALLS, code_of
 from ..instances.python_calls import PythonCalls
 from ..instances.typed_values import fill_typed_call
 from .saved_states import SavedStates

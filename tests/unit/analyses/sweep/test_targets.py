@@ -8,7 +8,7 @@ from emla_cosim.analyses.variants.factors import OPTION, Target, assign_value, f
 from emla_cosim.base.errors import CommandError
 from emla_cosim.cli.app import load_command
 from emla_cosim.cli.parameters import read_values
-from emla_cosim.master.algorithms.explicit import Jacobi
+from emla_cosim.master.algorithms.registry import Jacobi
 from emla_cosim.run.options import Options, list_options
 from emla_cosim.system.model import Replacement
 
