@@ -44,7 +44,7 @@ import json
 from typing import Any
 
 from emla_cosim.base.tolerances import Comparison
-from emla_cosim.pages.plain import to_plain
+from emla_cosim.pages.text import to_plain
 
 from .explanation import format_command
 from .findings import Examined, Finding, Findings, find_worst

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from emla_cosim.pages.plain import to_plain
-from emla_cosim.pages.text import make_visible, shorten_text
+from emla_cosim.pages.text import make_visible, shorten_text, to_plain
 
 from .catalogue import CHECKS
 from .explanation import explain_finding

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..base.errors import CommandError, suggest_names
 from ..base.output_files import OutputFile, has_format
 from ..base.wording import format_count, is_pattern, matches_pattern
-from ..pages.plain import to_plain
+from ..pages.text import to_plain
 
 if TYPE_CHECKING:
     import polars

@@ -9,8 +9,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.colors import GREY, ORANGE, RED
-from .curve_data import compact, condense_curves, find_range, mask_undrawable, pad_range
-from .panels import Limit, Line, Plot
+from .panels import Limit, Line, Plot, compact, condense_curves, find_range, mask_undrawable, pad_range
 from .text import make_visible, shorten_text
 
 _FORMAT = "%.6g"

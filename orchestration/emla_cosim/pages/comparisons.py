@@ -9,9 +9,8 @@ import numpy as np
 from ..base.arrays import Vector
 from ..base.colors import BLUE, GREY, RED
 from ..base.tolerances import Comparison
-from .curve_data import mask_undrawable
 from .page import Plots
-from .panels import Band, Line, Plot
+from .panels import Band, Line, Plot, mask_undrawable
 
 _OPEN_PLOTS = 3
 """Most signals outside their tubes whose plots are open at first."""

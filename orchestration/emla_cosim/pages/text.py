@@ -1,8 +1,11 @@
-"""Make text from files safe: visible, valid in a document and of limited length."""
+"""Convert values for JSON, and make text from files safe: visible, valid and of limited length."""
 
 import math
 import re
+from collections.abc import Mapping
 from typing import Any
+
+import numpy as np
 
 _HIDDEN = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f"  # control characters, which XML and HTML do not allow
@@ -40,3 +43,27 @@ def format_number(value: Any, digits: int = 4) -> str:
     if math.isinf(value):
         return "∞" if value > 0 else "-∞"
     return f"{value:.{digits}g}"
+
+
+def to_plain(value: Any) -> Any:
+    """Convert a value to dictionaries, lists, texts, finite numbers, Booleans and None.
+
+    Numbers that JSON does not have become None; other objects become text.
+    """
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {_text(str(name)): to_plain(inner) for name, inner in value.items()}
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [to_plain(inner) for inner in value]
+    if isinstance(value, float):
+        # JSON has neither NaN nor infinity
+        return float(value) if math.isfinite(value) else None
+    if value is None or isinstance(value, (bool, int)):
+        return value
+    return _text(str(value))
+
+
+def _text(text: str) -> str:
+    """Remove unpaired surrogates, which file names may contain."""
+    return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")

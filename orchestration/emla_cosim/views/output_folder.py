@@ -16,7 +16,7 @@ from ..base.extras import require_extra
 from ..base.files import report_write_errors
 from ..base.output_files import UNFINISHED_STATUS
 from ..base.progress import Progress
-from ..pages.plain import to_plain
+from ..pages.text import to_plain
 from ..recorders.bond_energies import COUPLING
 from ..recorders.metrics import SIGNALS
 from ..recorders.parquet_file import strange_parts

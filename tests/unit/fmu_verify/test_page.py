@@ -10,9 +10,8 @@ import pytest
 from emla_cosim.base.tolerances import Tube
 from emla_cosim.pages.bokeh_plots import build_figure
 from emla_cosim.pages.comparisons import build_comparison_rows
-from emla_cosim.pages.curve_data import condense_curves
 from emla_cosim.pages.page import Plots
-from emla_cosim.pages.panels import Band, Limit, Line, Plot
+from emla_cosim.pages.panels import Band, Limit, Line, Plot, condense_curves
 from emla_cosim.pages.text import format_number, make_visible, shorten_text
 from fmu_verify.page import render
 from fmu_verify.report import Report

@@ -12,8 +12,7 @@ import pytest
 from PIL import Image
 
 import emla_cosim as ec
-from emla_cosim.pages.curve_data import condense_curves
-from emla_cosim.pages.panels import Line, Plot
+from emla_cosim.pages.panels import Line, Plot, condense_curves
 from emla_cosim.study.loading import load
 from emla_cosim.views.plots import by_unit, panel_drawing, pictures
 from emla_cosim.views.plots.overlay import overlay_runs, read_traces

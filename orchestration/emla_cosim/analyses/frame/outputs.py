@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from ...base.extras import has_extra, require_extra
 from ...base.output_files import is_page, is_regular
-from ...pages.plain import to_plain
+from ...pages.text import to_plain
 from ...views.folder import Folder
 from ...views.plots.style import is_picture, to_png
 from .report import Report

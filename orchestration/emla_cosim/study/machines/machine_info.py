@@ -14,7 +14,7 @@ from machine_fmu.model import MachineModel
 from machine_fmu.naming import name_numbers
 
 from ...base.errors import CommandError
-from ...pages.plain import to_plain
+from ...pages.text import to_plain
 from ...system.model import System
 from ..roles import find_machine_roles
 from .force_map import ForceLimits, find_extremes, find_levers, read_limits

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...base.arrays import Vector
-from ...pages.curve_data import mask_undrawable
-from ...pages.panels import Limit, Line, Plot
+from ...pages.panels import Limit, Line, Plot, mask_undrawable
 from ...pages.text import shorten_text
 from .style import GREY, RED, add_legend, make_figure, tidy_axes
 

@@ -14,8 +14,8 @@ from ...pages.bokeh_plots import (
     describe_unit,
     new_figure,
 )
-from ...pages.curve_data import compact, condense_curves, mask_undrawable
 from ...pages.page import Plots
+from ...pages.panels import compact, condense_curves, mask_undrawable
 from ...pages.text import make_visible
 from ...recorders.signal_figures import NAMES
 from ...run.result import Result
