@@ -11,8 +11,8 @@ from hypothesis import given
 
 import emla_cosim as ec
 from emla_cosim.master.stepping.timing import make_communication_points
+from emla_cosim.recorders.metrics import NAMES, SignalFigures
 from emla_cosim.recorders.recorder import RunLayout
-from emla_cosim.recorders.signal_figures import NAMES, SignalFigures
 from tests.support.axis import axis
 from tests.support.commands import Emla, sentence
 

@@ -17,7 +17,7 @@ from ...pages.bokeh_plots import (
 from ...pages.page import Plots
 from ...pages.panels import compact, condense_curves, mask_undrawable
 from ...pages.text import make_visible
-from ...recorders.signal_figures import NAMES
+from ...recorders.metrics import NAMES
 from ...run.result import Result
 from ..plots.stacked import group_by_unit, name_values, number_line
 
