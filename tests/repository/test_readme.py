@@ -6,7 +6,7 @@ import tomllib
 import pytest
 
 from emla_cosim.fmu.models import MODELS
-from emla_cosim.run.scenarios.built_in import SCENARIOS
+from emla_cosim.run.scenarios.scenario_file import SCENARIOS
 from emla_cosim.study.loading import load
 from tests.support.pages import fences
 from tests.support.paths import ROOT

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from emla_cosim.base.option import EXPORT, INFO, RUN, Option
 from emla_cosim.fmu.models import MODELS
 from emla_cosim.run.options import list_options
-from emla_cosim.run.scenarios.built_in import SCENARIOS
+from emla_cosim.run.scenarios.scenario_file import SCENARIOS
 from fmublock.platforms import host_platform
 from tests.support.odd_files import FILES, ODD, Materials
 

@@ -1,4 +1,4 @@
-"""Compare a result with a stored run: which signals stay in the tubes around it."""
+"""Compare a result with a stored run, and a run with the run that it repeats."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,11 @@ from ..base.tolerances import Comparison, describe_departure, select_outside
 
 if TYPE_CHECKING:  # importing it loads polars
     from ..inputs.stored_runs import StoredRun
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from pathlib import Path
+
+from ..base.errors import join_names
+from .options import list_options
 
 _MOST_NAMES = 3
 """Most signals to name in a message; run.json has all."""
@@ -83,3 +88,108 @@ def agreement_record(comparisons: Sequence[Comparison], stored: "StoredRun") -> 
             for c in select_outside(comparisons)
         ],
     }
+
+
+Record = Mapping[str, Any]
+
+MOST = 8
+"""Most differences to name."""
+
+
+def find_differences(before: Record, now: Record, overrides: Collection[str]) -> list[str]:
+    """List the differences between two runs by their run.json.
+
+    Args:
+        before: Record of the run that was repeated.
+        now: Record of its repetition.
+        overrides: Settings that were changed on purpose, by their names in run.json. They are left out, like
+            settings that no run repeats.
+
+    Returns:
+        The differences as noun phrases. Unknown parts of `before` count as missing.
+    """
+    differences = [*_versions(before, now), *_source(before, now), *_fmus(before, now)]
+    differences += _settings(before, now, overrides)
+    # one of these differences would explain other start values and connections
+    if not differences and not overrides:
+        differences = list(_wiring(before, now))
+    return differences
+
+
+def describe_differences(differences: Sequence[str], where: str) -> str:
+    """Return a message with all differences from the run with this record."""
+    listed = list(differences[:MOST])
+    if len(differences) > MOST:
+        listed.append(f"{len(differences) - MOST} more")
+    return f"Differences from {where}: {join_names(listed)}."
+
+
+def _versions(before: Record, now: Record) -> Iterator[str]:
+    earlier, current = _table(before, "versions"), _table(now, "versions")
+    for name, version in current.items():
+        if name in earlier and earlier[name] != version:
+            yield f"{name} {version or 'missing'} instead of {earlier[name] or 'missing'}"
+
+
+def _source(before: Record, now: Record) -> Iterator[str]:
+    earlier, current = before.get("source_sha256"), now["source_sha256"]
+    if current is not None and earlier != current:
+        yield f"the content of '{now['source']}'"
+
+
+def _fmus(before: Record, now: Record) -> Iterator[str]:
+    earlier, current = _table(before, "components"), _table(now, "components")
+    for name, component in current.items():
+        if name not in earlier:
+            yield f"the component {name}, which is new"
+        elif _table(earlier, name).get("sha256") != component["sha256"]:
+            yield f"the FMU of {name}"
+    yield from (f"the component {name}, which no longer exists" for name in earlier if name not in current)
+
+
+def _settings(before: Record, now: Record, overrides: Iterable[str]) -> Iterator[str]:
+    earlier, current = _table(before, "settings"), _table(now, "settings")
+    may_differ = {*overrides, *(o.record for o in list_options().values() if not o.repeated)}
+    for name in (n for n in current if n in earlier and n not in may_differ):
+        yield from _describe_change(f"the setting {name}", earlier[name], current[name])
+
+
+def _describe_change(name: str, earlier: Any, current: Any) -> Iterator[str]:
+    """Yield the change of a setting. Of file paths only the last part counts, because folders may differ."""
+    parts: Iterable[tuple[Any, Any]] | None = None
+    are_tables = isinstance(earlier, dict) and isinstance(current, dict)
+    if are_tables and "sha256" in current and "sha256" in earlier:
+        if current["sha256"] != earlier["sha256"]:
+            yield f"the content of '{current.get('file')}'"
+        return
+    if are_tables and earlier.keys() == current.keys():
+        parts = ((earlier[key], current[key]) for key in current)
+    elif isinstance(earlier, list) and isinstance(current, list) and len(earlier) == len(current):
+        parts = zip(earlier, current, strict=True)
+    if parts is not None:
+        yield from dict.fromkeys(text for pair in parts for text in _describe_change(name, *pair))
+    elif earlier != current:
+        is_same_file = (  # perhaps in another folder
+            isinstance(earlier, str)
+            and isinstance(current, str)
+            and Path(current).is_absolute()
+            and Path(current).name == Path(earlier).name
+        )
+        if not is_same_file:
+            yield name
+
+
+def _wiring(before: Record, now: Record) -> Iterator[str]:
+    """Yield differences of start values and connections that no other difference explains."""
+    earlier, current = _table(before, "components"), _table(now, "components")
+    for name, component in current.items():
+        if _table(earlier, name).get("parameters") != component["parameters"]:
+            yield f"the start values of {name}"
+    if before.get("connections") != now["connections"]:
+        yield "the connections"
+
+
+def _table(record: Any, name: str) -> Record:
+    """Return a table of a record, or an empty one if the entry is missing or of another type."""
+    table = record.get(name)
+    return table if isinstance(table, dict) else {}

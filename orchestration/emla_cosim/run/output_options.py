@@ -26,8 +26,14 @@ from ..base.option import (
 )
 from ..base.tolerances import Tolerance, read_tolerances
 from ..recorders.registry import TABLES
-from .plot_formats import PLOT_FORMATS
 from .system_options import ALL
+
+PLOT_FORMATS = {
+    "png": "pixels, 150 per inch",
+    "pdf": "vectors, for papers",
+    "svg": "vectors, for web pages and drawing programs",
+}
+"""Descriptions by the ending of file names."""
 
 
 def _read_bonds(texts: Sequence[str]) -> dict[str, str]:

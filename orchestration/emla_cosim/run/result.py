@@ -19,7 +19,7 @@ from ..recorders.metrics import Figures, MetricDisplay
 from ..recorders.table import Table
 from ..system.model import find_main_component
 from .agreement import align_values, find_common_signals
-from .plot_formats import PLOT_FORMATS
+from .output_options import PLOT_FORMATS
 
 if TYPE_CHECKING:
     import pandas

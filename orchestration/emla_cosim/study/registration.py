@@ -7,18 +7,19 @@ from typing import Any
 from ..inputs.loaded_input import SCHEDULES
 from ..recorders.metrics import METRICS, ROLES, TRACKED
 from ..run.registered import FOLLOWERS, SEEDS
-from ..run.scenarios.built_in import (
+from ..run.scenarios.scenario_file import (
     CHANGES,
     EXTENSIONS,
     FOLLOWING,
+    KINDS,
     PLANS,
     REMARKS,
     SCENARIOS,
     STEPPING,
     SYSTEMS,
     TUNINGS,
+    Kind,
 )
-from ..run.scenarios.scenario_file import KINDS, Kind
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
 from ..views.plots.pictures import FIGURES

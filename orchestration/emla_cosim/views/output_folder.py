@@ -23,7 +23,7 @@ from ..recorders.parquet_file import strange_parts
 from ..recorders.recorder import Recorder, RunLayout, recording
 from ..recorders.registry import TABLES, table_names
 from ..recorders.table import Table
-from ..run.plot_formats import PLOT_FORMATS
+from ..run.output_options import PLOT_FORMATS
 from ..run.result import Result
 from .animation import ANIMATIONS, animate
 from .folder import Folder

@@ -10,7 +10,7 @@ import polars
 import pytest
 
 from emla_cosim.fmu.models import PLATFORMS
-from emla_cosim.run.scenarios.built_in import SCENARIOS
+from emla_cosim.run.scenarios.scenario_file import SCENARIOS
 from emla_cosim.study.figures import JOINT_FIGURES
 from fmublock.platforms import host_platform
 from tests.support.commands import Emla, sentence

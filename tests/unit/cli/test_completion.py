@@ -13,7 +13,7 @@ from emla_cosim.base.option import RUN
 from emla_cosim.cli.app import app
 from emla_cosim.cli.completion import VARIABLE, answer
 from emla_cosim.run.options import list_options
-from emla_cosim.run.scenarios.built_in import SCENARIOS
+from emla_cosim.run.scenarios.scenario_file import SCENARIOS
 from emla_cosim.study.registration import register
 
 CALLED_FROM = """

@@ -19,7 +19,7 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.base.toml_structs import make_schema
 from emla_cosim.base.values import convert_value
 from emla_cosim.cli.commands.schema import FILE_KINDS
-from emla_cosim.run.scenarios.built_in import PLANS, SCENARIOS, TUNINGS
+from emla_cosim.run.scenarios.scenario_file import PLANS, SCENARIOS, TUNINGS
 from tests.support.commands import Emla, sentence
 from tests.support.paths import ROOT
 

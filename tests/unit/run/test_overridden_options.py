@@ -7,7 +7,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.run.choices import resolve
-from emla_cosim.run.scenarios.built_in import SCENARIOS
+from emla_cosim.run.scenarios.scenario_file import SCENARIOS
 from tests.support.tiers import mostly_slow
 
 NOTE = "the order of the scenario is not used: the algorithm jacobi has none"

@@ -13,7 +13,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.run.run_setup import plan_run
-from emla_cosim.run.scenarios.built_in import SCENARIOS
+from emla_cosim.run.scenarios.scenario_file import SCENARIOS
 from emla_cosim.study.joints.schema import list_joint_names
 from emla_cosim.study.loading import load
 from emla_cosim.study.machines.systems import BUILT_IN

@@ -7,7 +7,7 @@ import pytest
 
 from emla_cosim.inputs.stored_runs import open_stored_run
 from emla_cosim.run.result import Result
-from emla_cosim.run.scenarios.built_in import SCENARIOS
+from emla_cosim.run.scenarios.scenario_file import SCENARIOS
 from emla_cosim.study.loading import load
 from tests.support.joint_data import EMLAS
 from tests.support.scenario_runs import run_scenario

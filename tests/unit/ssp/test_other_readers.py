@@ -23,7 +23,7 @@ import emla_cosim.fmu.parameters
 import emla_cosim.study.loading  # registers the built-in scenarios
 from emla_cosim import Fault
 from emla_cosim.fmu.interface import read_interface
-from emla_cosim.run.scenarios.built_in import SCENARIOS
+from emla_cosim.run.scenarios.scenario_file import SCENARIOS
 from emla_cosim.ssp.reader.flat_document import read_ssp
 from tests.support.paths import FOREIGN_MAPPING, ROOT
 from tests.support.tiers import mostly_slow

@@ -86,7 +86,7 @@ def test_file_in_the_folder_of_joints_is_a_scenario(tmp_path: Path) -> None:
     (tmp_path / "orchestration" / "emla_cosim" / "study" / "joints" / "slew.toml").write_text(TILT)
     program = """
 import emla_cosim as ec
-from emla_cosim.run.scenarios.built_in import SCENARIOS, TUNINGS
+from emla_cosim.run.scenarios.scenario_file import SCENARIOS, TUNINGS
 
 slew, tilt = ec.load("slew"), ec.load("tilt")
 assert "slew" in SCENARIOS and {"rsba-slew", "foc-slew", "cac-slew", "anatc-slew"} <= set(TUNINGS)

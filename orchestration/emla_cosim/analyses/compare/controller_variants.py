@@ -9,7 +9,7 @@ from zlib import crc32
 from ...base.errors import CommandError, join_names
 from ...base.toml_structs import read_toml
 from ...base.values import convert_value
-from ...run.scenarios.built_in import TUNINGS
+from ...run.scenarios.scenario_file import TUNINGS
 from ...study.controllers import CONTROLLERS, choose_controller
 from ...study.joint import describe_observer
 from ...study.loading import load

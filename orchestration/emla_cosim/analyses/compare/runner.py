@@ -11,7 +11,7 @@ from ...base.progress import Progress
 from ...base.values import convert_value
 from ...run.option_types import CompareOptions
 from ...run.options import list_options
-from ...run.scenarios.built_in import SCENARIOS
+from ...run.scenarios.scenario_file import SCENARIOS
 from ...study.controllers import COMPLIANT, ROBUSTNESS_SETS
 from ...study.loading import load
 from ...study.paper import PRINTED

@@ -15,10 +15,15 @@ from ...base.option import SWEEP
 from ...base.toml_structs import Struct, check_fields, describe, dotted, list_given, read_toml, struct_of
 from ...base.values import convert_value
 from ...run.options import list_options
-from ...run.scenarios.built_in import SCENARIOS, SYSTEMS, find_built_in
-from ...run.scenarios.option_fields import with_options
 from ...run.scenarios.scenario import Scenario
-from ...run.scenarios.scenario_file import ScenarioFile, parse_scenario
+from ...run.scenarios.scenario_file import (
+    SCENARIOS,
+    SYSTEMS,
+    ScenarioFile,
+    find_built_in,
+    parse_scenario,
+    with_options,
+)
 from ...study.loading import load
 from ...system.model import System
 from ..variants.factors import merge_options

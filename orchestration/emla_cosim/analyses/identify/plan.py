@@ -13,7 +13,7 @@ from ...base.table_entries import Location
 from ...base.toml_structs import describe, list_given, struct_of, type_in_file
 from ...base.values import convert_value
 from ...inputs.input import Input
-from ...run.scenarios.option_fields import with_options
+from ...run.scenarios.scenario_file import with_options
 from ..frame.plan_files import IN_FILES, AnalysisPlan, Source, read_plan
 from .residuals import LINEAR, LOSSES
 

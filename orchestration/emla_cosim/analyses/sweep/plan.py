@@ -14,7 +14,7 @@ import psutil
 from ...base.errors import CommandError
 from ...base.files import hash_plain_data
 from ...base.progress import Progress
-from ...run.scenarios.built_in import PLANS
+from ...run.scenarios.scenario_file import PLANS
 from ...system.model import Value
 from ..execution.executor import WorkPackage
 from ..execution.worker_payload import Preparation

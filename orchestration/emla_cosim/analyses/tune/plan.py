@@ -9,7 +9,7 @@ import msgspec
 from ...base.errors import CommandError
 from ...base.toml_structs import list_given, quantity, struct_of
 from ...run.options import select_repeatable
-from ...run.scenarios.built_in import TUNINGS
+from ...run.scenarios.scenario_file import TUNINGS
 from ..frame.plan_files import IN_FILES, NOT_IN_FILES, AnalysisPlan, Source, read_plan
 from ..variants.measures import Metric
 

@@ -5,7 +5,7 @@ from rich.table import Table
 from ...base.toml_structs import read_toml
 from ...fmu.models import MODELS
 from ...run.options import list_options
-from ...run.scenarios.built_in import PLANS, SCENARIOS, TUNINGS, find_built_in
+from ...run.scenarios.scenario_file import PLANS, SCENARIOS, TUNINGS, find_built_in
 from ...study.controllers import CONTROLLERS
 from ...study.registration import register
 from ...views.terminal import show

@@ -11,7 +11,7 @@ from ...base.files import check_output_files
 from ...base.option import OTHER_OPTIONS, PLOT, argument, option
 from ...base.output_files import OutputFile
 from ...recorders.registry import TABLES
-from ...run.plot_formats import PLOT_FORMATS
+from ...run.output_options import PLOT_FORMATS
 from ...study.registration import register
 from ...views.plots.overlay import overlay_runs, read_traces
 from ...views.plots.stacked import SCREEN

@@ -6,8 +6,8 @@ from typing import Any
 
 from ...base.files import hash_if_readable, real_place
 from ...base.option import RUN, argument
+from ...run.agreement import describe_differences, find_differences
 from ...run.options import list_options
-from ...run.repetition import describe_differences, find_differences
 from ...run.result import Result
 from ...run.scenarios.recorded import load_recorded_run
 from ...study.loading import load

@@ -18,11 +18,21 @@ from ...fmu.interface import Interface, read_interface
 from ...system.model import Component, System
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin, read_origin, with_gains
-from .built_in import CHANGES, EXTENSIONS, FOLLOWING, REMARKS, SCENARIOS, STEPPING, SYSTEMS, find_built_in
 from .default_times import Times, choose_times, read_times
 from .recorded import load_recorded_run
 from .scenario import Scenario
-from .scenario_file import ScenarioFile, parse_scenario
+from .scenario_file import (
+    CHANGES,
+    EXTENSIONS,
+    FOLLOWING,
+    REMARKS,
+    SCENARIOS,
+    STEPPING,
+    SYSTEMS,
+    ScenarioFile,
+    find_built_in,
+    parse_scenario,
+)
 
 if TYPE_CHECKING:
     from ...ssp.reader.flat_document import SspDocument

@@ -10,7 +10,7 @@ from ...base.errors import CommandError
 from ...base.option import RUN
 from ...base.table_entries import Location
 from ...base.toml_structs import describe, dotted, extend_struct, quantity
-from ...run.scenarios.option_fields import with_options
+from ...run.scenarios.scenario_file import with_options
 from ..actuator.actuator import Actuator, read_tables
 from ..actuator.sheet_values import ACTUATOR
 from .block_tables import DISTURBANCE, PLANT

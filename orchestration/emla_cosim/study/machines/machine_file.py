@@ -15,7 +15,7 @@ from ...base.errors import CommandError
 from ...base.option import RUN
 from ...base.toml_structs import describe, extend_struct, list_given
 from ...base.values import convert_value
-from ...run.scenarios.option_fields import with_options
+from ...run.scenarios.scenario_file import with_options
 from ..joints.schema import JointFile
 from .machine_joints import is_path, require_joint
 from .motion import Motion, read_motion_table

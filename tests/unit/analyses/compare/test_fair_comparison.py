@@ -25,7 +25,7 @@ from emla_cosim.analyses.compare.runner import compare
 from emla_cosim.analyses.execution.worker_payload import Preparation
 from emla_cosim.analyses.variants.measures import VariantOutcome
 from emla_cosim.fmu.models import build
-from emla_cosim.run.scenarios.built_in import TUNINGS
+from emla_cosim.run.scenarios.scenario_file import TUNINGS
 from emla_cosim.study.controllers import CONTROLLERS
 from emla_cosim.study.loading import load
 from fmublock import Block, Input, Output, clamp

@@ -23,7 +23,7 @@ from emla_cosim.analyses.variants.measures import DIVERGED, DONE, VariantOutcome
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
 from emla_cosim.run.requirements import parse_requirement
-from emla_cosim.run.scenarios.built_in import TUNINGS
+from emla_cosim.run.scenarios.scenario_file import TUNINGS
 from emla_cosim.system.model import System
 from fmublock import Block, DiscreteState, Input, Output, Parameter, StartTime, State, where
 from tests.support.commands import Emla
