@@ -11,7 +11,7 @@ from matplotlib.patches import FancyBboxPatch
 
 from emla_cosim.ssp.documents.ssd_data import Connector, Element, SsdConnection, SystemElement
 from emla_cosim.ssp.documents.ssd_reader import parse_structure
-from emla_cosim.ssp.reader.package import open_package
+from emla_cosim.ssp.reader.structure_loader import open_package
 from emla_cosim.study.loading import load
 
 HERE = Path(__file__).parent

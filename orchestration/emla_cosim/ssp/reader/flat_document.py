@@ -13,7 +13,6 @@ from ...fmu.interface import KINDS, Interface, read_interface
 from ...fmu.parameters.parameter_sets import ParameterSet, SsvParameter
 from ...fmu.variables import convert_structure
 from ...system.model import Alias, Component, Connection, System
-from ..documents.identifiers import parse_id
 from ..documents.ssd_data import (
     ComponentElement,
     Element,
@@ -21,13 +20,12 @@ from ..documents.ssd_data import (
     Structure,
     SystemElement,
     TableTransformation,
+    parse_id,
 )
 from .binding import BoundValue, build_transformation, resolve_bindings
-from .collecting import collect_wiring
-from .package import Package, open_package
-from .structure_loader import load_structure
-from .whole_vectors import expand_vectors
-from .wiring import Fmu, Node, Path_, Wiring
+from .shapes import expand_vectors
+from .structure_loader import Package, load_structure, open_package
+from .wiring import Fmu, Node, Path_, Wiring, collect_wiring
 
 
 @dataclass(frozen=True)
