@@ -90,7 +90,7 @@ from .study.machines.machine_info import ActuatorInfo as ActuatorInfo
 from .study.machines.machine_info import BodyInfo as BodyInfo
 from .study.machines.machine_info import ClosureInfo as ClosureInfo
 from .study.machines.machine_info import MachineInfo as MachineInfo
-from .study.trajectory_file import read_trajectory as read_trajectory
+from .study.machines.motion import read_trajectory as read_trajectory
 from .system.bond import Bond as Bond
 from .system.fault import Fault as Fault
 from .system.model import Component as Component

@@ -35,8 +35,7 @@ from emla_cosim.analyses.size.limits import (
 from emla_cosim.analyses.size.motor import continuous_torque, peak_torque
 from emla_cosim.analyses.size.pictures import draw_motor
 from emla_cosim.analyses.size.report import build_report
-from emla_cosim.study.actuator.entries import ENDS, TABLES
-from emla_cosim.study.actuator.sheet_values import read_sheet_value
+from emla_cosim.study.actuator.entries import ENDS, TABLES, read_sheet_value
 from tests.support.commands import Emla
 from tests.support.paths import ROOT
 

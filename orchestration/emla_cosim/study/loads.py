@@ -16,7 +16,7 @@ from ..recorders.metrics import Figures, MetricDisplay
 from ..recorders.recorder import RunLayout
 from .criteria import EVALUATED_AFTER, TOO_SHORT, format_length, resolve_criteria
 from .roles import RoleNames, describe_error, find_all_joints, find_values, find_variable
-from .settling import Settling, VerdictMetrics
+from .tracking import Settling, VerdictMetrics
 
 _ROUNDING = 1e-9
 """Tolerance in s for equal times."""

@@ -29,8 +29,18 @@ from .roles import (
     find_variable,
     list_joints_with_roles,
 )
-from .settling import Settling, VerdictMetrics
-from .tracking import AT_REST, FOLLOWING, OBSERVER, POSITION, SPEED, STANDSTILL, TORQUE, Tracking
+from .tracking import (
+    AT_REST,
+    FOLLOWING,
+    OBSERVER,
+    POSITION,
+    SPEED,
+    STANDSTILL,
+    TORQUE,
+    Settling,
+    Tracking,
+    VerdictMetrics,
+)
 
 # as in the paper; used only for the comparison with its Tables VI and VIII
 CONVERGED_WITHIN = 0.05

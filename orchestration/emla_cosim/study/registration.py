@@ -26,8 +26,7 @@ from ..views.plots.pictures import FIGURES
 from . import brakes, supply, systems
 from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks
-from .figures import JOINT_FIGURES, MACHINE_FIGURES
-from .joint_map import JointMap
+from .figures import JOINT_FIGURES, MACHINE_FIGURES, JointMap
 from .joints.joint_table import KEYS
 from .joints.schema import KIND, list_joint_names, read_joint_text
 from .load_control import complete_order
@@ -39,8 +38,7 @@ from .metrics import create_joint_metrics
 from .packaged_files import read_packaged_text
 from .randomness import find_seeds
 from .roles import find_machine_roles, find_tracked_joints, find_tracked_loads
-from .sketch.film import MachineAnimation
-from .sketch.machine_picture import MachinePicture
+from .sketch.machine_picture import MachineAnimation, MachinePicture
 from .systems import change_entries, joint_scenario
 from .tuning_plans import list_tuning_plans
 

@@ -18,16 +18,16 @@ from fmublock.noise import MODULUS
 from ..base.errors import CommandError, join_names
 from ..run.scenarios.scenario_file import ScenarioFile
 from ..system.model import System, Value
-from .actuator.actuator import Actuator
-from .actuator.entries import TABLES
-from .actuator.joint_actuators import (
+from .actuator.actuator import (
     NONE,
+    Actuator,
     Actuators,
     check_actuator_joints,
     controller_gains,
     observer_gains,
     realistic_plant_values,
 )
+from .actuator.entries import TABLES
 from .controllers import COMPLIANT, ControllerWithGains, choose_controller
 from .joint import Joint, build_joint
 from .joints.schema import JointFile, list_joint_names, load_joint, parse_joint

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from emla_cosim.study.machines.motion import find_start
 from emla_cosim.study.machines.schema import load_machine
-from emla_cosim.study.machines.start import find_start
 from machine_fmu import Machine
 from machine_fmu.model import MachineModel
 

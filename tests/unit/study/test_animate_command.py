@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from emla_cosim.study.sketch.film import MachineFilm
+from emla_cosim.study.sketch.machine_picture import MachineFilm
 from emla_cosim.views.animation import Pixels
 from tests.support.commands import Emla, sentence
 from tests.support.whole_files import names

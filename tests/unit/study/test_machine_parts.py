@@ -12,10 +12,16 @@ from matplotlib.path import Path
 from scipy.spatial import ConvexHull
 
 from emla_cosim.study.machines.schema import list_machine_names, load_machine
-from emla_cosim.study.sketch.painting import actuator_colors, convex_line, paint
 from emla_cosim.study.sketch.parts import MachineParts, Posture
-from emla_cosim.study.sketch.views import OBLIQUE, PLANE, THREE_SIDES, main_view
-from emla_cosim.study.sketch.workspace import Workspace, find_workspace
+from emla_cosim.study.sketch.scene import actuator_colors, convex_line, paint
+from emla_cosim.study.sketch.workspace import (
+    OBLIQUE,
+    PLANE,
+    THREE_SIDES,
+    Workspace,
+    find_workspace,
+    main_view,
+)
 from machine_fmu import Body, Joint, Machine, Payload, Point
 from machine_fmu.model import MachineModel
 from tests.support.machines import named_values

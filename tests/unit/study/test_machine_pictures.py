@@ -11,8 +11,7 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.run.result import Result
 from emla_cosim.study.figures import MACHINE_FIGURES
-from emla_cosim.study.sketch.film import MachineAnimation, MachineFilm
-from emla_cosim.study.sketch.machine_picture import INSTANTS, select_instants
+from emla_cosim.study.sketch.machine_picture import INSTANTS, MachineAnimation, MachineFilm, select_instants
 from emla_cosim.study.sketch.movement import Movement, list_recorded_signals, read_movement
 from emla_cosim.views.plots.by_unit import BY_UNIT
 from emla_cosim.views.plots.pictures import draw_figures

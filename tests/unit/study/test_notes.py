@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.study.actuator.profiles import find_largest_load, find_reference_range
+from emla_cosim.study.actuator.remarks import find_largest_load, find_reference_range
 from tests.oracles.test_actuator import FILE, with_entries
 from tests.support.commands import Emla
 from tests.support.joint_data import PROTOTYPE

@@ -7,7 +7,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.study.actuator.model_parameters import follow_plant_changes
-from emla_cosim.study.actuator.profiles import find_largest_load
+from emla_cosim.study.actuator.remarks import find_largest_load
 from emla_cosim.study.joints.schema import read_joint_text
 
 TILT = read_joint_text("tilt")

@@ -9,8 +9,7 @@ import pytest
 
 from emla_cosim.pages.panels import Limit, Line, Plot
 from emla_cosim.study.criteria import TOO_SHORT
-from emla_cosim.study.figures import JOINT_FIGURES
-from emla_cosim.study.joint_map import JointMap
+from emla_cosim.study.figures import JOINT_FIGURES, JointMap
 from emla_cosim.views.formatting import format_headline
 from emla_cosim.views.plots.panel_drawing import draw_panels, has_changes
 from emla_cosim.views.plots.pictures import Curve, PanelSpec, Picture, RangeLimit

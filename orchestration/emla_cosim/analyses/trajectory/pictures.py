@@ -9,9 +9,9 @@ from machine_fmu.optimisation.assessment import Course
 from machine_fmu.optimisation.obstacles import Obstacle
 
 from ...base.arrays import Vector
-from ...study.sketch.painting import actuator_colors, convex_line, paint
 from ...study.sketch.parts import MachineParts
-from ...study.sketch.views import PLANE, THREE_SIDES, View
+from ...study.sketch.scene import actuator_colors, convex_line, paint
+from ...study.sketch.workspace import PLANE, THREE_SIDES, View
 from ...views.plots.style import BLUE, GREY, ORANGE, RED, new_figure, tidy_axes
 from .result import TrajectoryResult
 

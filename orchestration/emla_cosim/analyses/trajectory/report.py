@@ -11,7 +11,7 @@ from ...base.errors import CommandError
 from ...base.extras import has_extra, require_extra
 from ...base.files import check_output_files, report_write_errors
 from ...base.output_files import OutputFile, has_mark, is_page
-from ...study.trajectory_file import WHAT, check_trajectory
+from ...study.machines.motion import WHAT, check_trajectory
 from ...views.plots.style import is_picture, to_png
 from ..frame.outputs import is_drawn, render_page
 from ..frame.report import Report, ReportTable, Section, Text

@@ -15,7 +15,7 @@ from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline import Spline
 
 from ...base.arrays import Vector
-from ...study.trajectory_file import check_trajectory
+from ...study.machines.motion import check_trajectory
 from ..frame.report import ReportedResult
 from .problem import describe_problem
 

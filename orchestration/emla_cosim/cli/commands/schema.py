@@ -18,7 +18,7 @@ from ...base.errors import check_choice
 from ...base.option import argument
 from ...base.toml_structs import make_schema
 from ...run.scenarios.scenario_file import scenario_struct
-from ...study.actuator.sheet_values import ACTUATOR
+from ...study.actuator.entries import ACTUATOR
 from ...study.joints.joint_table import joint_struct
 from ...study.machines.machine_file import machine_struct
 from ...study.registration import register

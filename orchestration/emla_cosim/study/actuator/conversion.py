@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from emla_fmu import EmlaPlant, motion_law
 
 from . import derived
-from .entries import TABLES
-from .sheet_values import SheetValue
+from .entries import TABLES, SheetValue
 
 _FMI_NAMES = {x.attribute: str(x.name) for x in EmlaPlant.layout().parameters}
 _PLANT = {entry: _FMI_NAMES[attribute] for entry, attribute in derived.PLANT_ATTRIBUTES.items()} | {

@@ -14,10 +14,9 @@ from ...base.errors import CommandError, join_names
 from ...base.toml_structs import list_given, read_toml
 from ...base.values import convert_value
 from ..actuator.actuator import Actuator
-from .built_in import list_joint_names as list_joint_names
-from .built_in import read_joint_text
-from .gain_tables import GainSet, GainTable, ObserverSet
-from .joint_table import Cells, JointTable, joint_struct
+from ..packaged_files import list_joint_names as list_joint_names
+from ..packaged_files import read_joint_text
+from .joint_table import Cells, GainSet, GainTable, JointTable, ObserverSet, joint_struct
 from .motions import Compliance, JointExperiment
 
 KIND = "joint"

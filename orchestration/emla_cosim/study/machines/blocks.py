@@ -19,7 +19,7 @@ from machine_fmu.actuators import actuator_values
 
 from ...base.errors import CommandError, RunError, check_choice
 from ...base.values import convert_value
-from ..joints.built_in import list_joint_names, load_actuator
+from ..packaged_files import list_joint_names, load_actuator
 from .schema import (
     MachineTable,
     build_machine,

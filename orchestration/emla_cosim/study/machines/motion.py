@@ -1,5 +1,6 @@
 """The motion of a machine's actuators."""
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,14 +8,73 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fmublock import Block
-from machine_fmu.spline import Spline, TrajectoryError, trajectory_parameters
+from machine_fmu import (
+    Closure,
+    Dynamics,
+    Machine,
+    MachineError,
+    Mechanism,
+    assemble,
+    find_closure,
+    reach_pose,
+)
+from machine_fmu.exact import plain
+from machine_fmu.model import MachineModel
+from machine_fmu.spline import DEFAULT_FILE, Spline, TrajectoryError, spline_of, trajectory_parameters
 from machine_fmu.spline_window import COEFFICIENTS, DEGREE
 
 from ...base.errors import CommandError, join_names
+from ...base.extras import require_extra
+from ...base.files import read_text
+from ...base.output_files import OutputFile, has_format
 from ...system.model import System, Value
-from ..trajectory_file import read_motion
 from .schema import MotionTable
+
+__all__ = ["DEFAULT_FILE", "read_trajectory"]
+
+WHAT = "the trajectory"
+"""Name of a trajectory file in error messages."""
+
+
+def read_trajectory(path: str | Path) -> Spline:
+    """Read the spline of a trajectory file.
+
+    Args:
+        path: file that `trajectory` or `emla trajectory` wrote.
+
+    Returns:
+        The spline of three strokes in m over time in s.
+
+    Raises:
+        CommandError: the file does not exist or contains no trajectory.
+    """
+    return read_motion(path)[0]
+
+
+def read_motion(path: str | Path) -> tuple[Spline, Mapping[str, Any]]:
+    """Read the spline of a trajectory file, and the problem that it solves; empty without one.
+
+    Raises:
+        CommandError: As for `read_trajectory`.
+    """
+    text = read_text(Path(path), WHAT)
+    try:
+        document = json.loads(text)
+        spline, problem = spline_of(document), document.get("problem")
+        return spline, problem if isinstance(problem, dict) else {}
+    except TrajectoryError as error:
+        raise CommandError(f"{WHAT} '{path}' cannot be used: {error}") from error
+    except (ValueError, RecursionError) as error:  # ValueError also for numbers with thousands of digits
+        raise CommandError(f"{WHAT} '{path}' is not JSON: {error}.") from error
+
+
+def check_trajectory(path: Path, overwrite: bool = False) -> OutputFile:
+    """Return a trajectory file, which may be written. Raises CommandError if it must not be written."""
+    return OutputFile(path, WHAT, has_format("emla-cosim trajectory"), overwrite)
+
 
 _MAX_DIFFERENCES = 3
 """The number of differences that a message lists."""
@@ -241,3 +301,70 @@ def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Bl
         if differences
         else ""
     )
+
+
+_ITERATIONS = 30
+
+
+@dataclass(frozen=True)
+class Start:
+    """A machine at rest.
+
+    Attributes:
+        values: Start values of its blocks by FMI name.
+        masses: Mass in kg that each screw moves while the others are held.
+    """
+
+    values: Mapping[str, float]
+    masses: Sequence[float]
+
+
+def find_start(machine: Machine, strokes: Sequence[float], label: str) -> Start:
+    """Return the state at strokes in m. Passive coordinates rest where they hang.
+
+    Raises:
+        CommandError: The machine cannot take this pose, or does not come to rest in it.
+    """
+    closure, mechanism = find_closure(machine), assemble(machine)
+    if closure.iterated or mechanism.passive:  # now, not when pictures are drawn after the run
+        require_extra("build", f"{label}, whose poses no formula gives,")
+    guess = None
+    if closure.iterated:
+        pose = _reach(mechanism, closure, strokes, label)
+        guess = {i: pose[i] for i in closure.iterated}
+    passive = _find_rest(machine, strokes, label) if mechanism.passive else []
+    at_rest = Dynamics(mechanism, closure, strokes, passive, guess, _ITERATIONS)
+    M = at_rest.mass_matrix()
+    masses = [float(plain(M[i][i])) for i in range(len(strokes))]
+    # formulas give NaN where a triangle does not close
+    if not all(map(math.isfinite, masses)):
+        _reach(mechanism, closure, strokes, label)  # the message says which triangle does not close
+    numbers = at_rest.pose.numbers
+    values = {f"start.pose[{n}]": float(plain(numbers[i])) for n, i in enumerate(closure.iterated, 1)}
+    values |= {f"start.passive.q[{n}]": x for n, x in enumerate(passive, 1)}
+    return Start(values, masses)
+
+
+def _reach(mechanism: Mechanism, closure: Closure, strokes: Sequence[float], label: str) -> list[float]:
+    """Return the coordinates at strokes in m; raise CommandError if the machine cannot take this pose."""
+    lengths = dict(closure.lengths)
+    for bar, stroke in zip(mechanism.actuators, strokes, strict=True):
+        lengths[bar.name] = float(plain(bar.length)) + stroke
+    try:
+        return reach_pose(mechanism, closure, lengths)
+    except MachineError as error:
+        text = ", ".join(f"{x:.6g}" for x in strokes)
+        raise CommandError(f"{label} cannot start at the strokes {text} m: {error}.") from error
+
+
+def _find_rest(machine: Machine, strokes: Sequence[float], label: str) -> list[float]:
+    """Return the passive coordinates at rest; raise CommandError if there are none."""
+    model = MachineModel(machine)
+    passive = model.hanging(np.array([strokes]))[0].tolist()
+    if not all(map(math.isfinite, passive)):
+        names = ", ".join(f"'{frame.name}'" for frame in model.passive_frames)
+        raise CommandError(
+            f"{label} does not come to rest at its start: {names} moves freely; change its assembly pose, "
+            "mass or centre."
+        )
+    return passive

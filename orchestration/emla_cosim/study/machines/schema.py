@@ -32,12 +32,13 @@ from ...base.table_entries import unknown_entry
 from ...base.toml_structs import describe, dotted, quantity, read_toml
 from ...base.values import convert_value
 from ..packaged_files import list_packaged_names, read_packaged_text
-from .checks import check_names, check_table
 from .entries import (
     Corners,
     NumberList,
     Numbers,
     Points,
+    check_names,
+    check_table,
     corner_list,
     joint_values,
     number,

@@ -20,17 +20,15 @@ from ...run.scenarios.scenario_file import ScenarioFile
 from ...run.system_options import MODES
 from ...system.bond import Bond
 from ...system.model import Component, System
-from ..actuator.actuator import Actuator
-from ..actuator.joint_actuators import NONE, Actuators, check_actuator_joints
+from ..actuator.actuator import NONE, Actuator, Actuators, check_actuator_joints
 from ..joint import start_values
 from ..joints.schema import JointFile
 from ..load_control import check_notch_joints
 from ..systems import Choice, build_joint_system
 from .blocks import MANIPULATOR, MachineBlocks, build_machine_blocks
 from .machine_file import MachineFile, load_machine_file, parse_machine_file
-from .motion import COMPONENT, Motion, describe_other_machine, load_motion, rest_at
+from .motion import COMPONENT, Motion, Start, describe_other_machine, find_start, load_motion, rest_at
 from .schema import list_machine_names, machines_folder
-from .start import Start, find_start
 
 COUPLED, REPLAYED, MERGED = MODES
 

@@ -9,10 +9,8 @@ import numpy as np
 from ...base.arrays import Vector
 from ...views.plots.style import BLUE, make_figure, tidy_axes
 from ..machines.force_map import ForceLimits, Map, find_maps
-from .painting import DARK, actuator_colors
-from .scene import Scene
-from .views import OBLIQUE, PLANE, THREE_SIDES
-from .workspace import Workspace
+from .scene import DARK, Scene, actuator_colors
+from .workspace import OBLIQUE, PLANE, THREE_SIDES, Workspace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,7 +16,7 @@ from emla_cosim.analyses.trajectory.pictures import PICTURES
 from emla_cosim.analyses.trajectory.problem import describe_problem, load_problem, paper_problem
 from emla_cosim.base.progress import Progress
 from emla_cosim.cli.app import app
-from emla_cosim.study.trajectory_file import DEFAULT_FILE
+from emla_cosim.study.machines.motion import DEFAULT_FILE
 from emla_cosim.system.model import System
 from machine_fmu.spline import default_spline
 from tests.support.commands import Emla, sentence, widen_terminal
