@@ -13,7 +13,7 @@ from ..base.units import IDENTITY, LinearTransformation, SiUnit
 from ..base.wording import matches_pattern
 from ..system.model import System
 from ..system.names import NamedVariable, Names
-from ..system.vectors import find_indices
+from ..system.structure import find_indices
 from .data_tables import DataTable
 from .headers import Header, is_same_unit, is_unit
 from .input import Column, Input

@@ -13,7 +13,7 @@ from ..base.errors import CommandError, join_names, suggest_names
 from ..base.quantities import resolve_conversion
 from ..base.units import LinearTransformation, SiUnit
 from ..base.wording import format_count, shorten_line
-from ..system.vectors import find_indices
+from ..system.structure import find_indices
 from .csv_layout import NUMBER
 from .headers import Header, parse_data_unit, rate_of
 

@@ -16,8 +16,7 @@ from ..inputs.wired_inputs import wire_inputs
 from ..system.model import Component, ShortNameError, System, Value
 from ..system.names import Names
 from ..system.signal_faults import add_fault_components, wire_faults
-from ..system.structure import find_changed_sizes, set_structure
-from ..system.vectors import connect_elements
+from ..system.structure import connect_elements, find_changed_sizes, set_structure
 from .options import Options
 from .registered import following_values
 from .replacement import replace_component

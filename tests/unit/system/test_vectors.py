@@ -13,7 +13,7 @@ import fmublock
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.values import parse_list
 from emla_cosim.system.model import System
-from emla_cosim.system.vectors import connect_elements
+from emla_cosim.system.structure import connect_elements
 from fmublock import Block, Input, Output, Parameter, State, dot
 from tests.support.commands import Emla, sentence
 from tests.support.ssp_documents import component, connection, rooted, system

@@ -9,7 +9,7 @@ from ...base.wording import format_count
 from ...fmu.elements import format_index, list_indices
 from ...fmu.interface import Interface
 from ...fmu.parameters.parameter_sets import SsvParameter
-from ...system.vectors import find_indices, find_sizes, sort_indices
+from ...system.structure import find_indices, find_sizes, sort_indices
 from ..documents.ssd_data import (
     ComponentElement,
     Connector,
