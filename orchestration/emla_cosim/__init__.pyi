@@ -103,4 +103,4 @@ from .verification import Recording as Recording
 from .verification import Report as Report
 from .verification import Verdict as Verdict
 from .verification import verify as verify
-from .views.progress_bars import BarProgress as BarProgress
+from .views.terminal import BarProgress as BarProgress

@@ -10,7 +10,7 @@ from ..base.wording import format_count
 from ..pages.page import Plots, render_template
 from ..pages.text import make_visible, shorten_text
 from ..ssp.diagram import build_diagrams, group_connections
-from ..views.system_cell import MOST, make_arrow_id
+from ..views.notebook_cells import MOST, make_arrow_id
 from .system_info import FmuInfo, Info, Start, VariableInfo, format_start
 
 _ELEMENT = re.compile(r"(.*)\[([0-9]{1,9})\]", re.DOTALL)

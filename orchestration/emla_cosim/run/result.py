@@ -114,7 +114,7 @@ class Result:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: verdict, metrics, what is idealised, and a picture."""
-        from ..views.run_page.result_cell import render_cell
+        from ..views.notebook_cells import render_cell
 
         return render_cell(self)
 

@@ -21,8 +21,8 @@ from ..run.scenarios.scenario_file import (
     Kind,
 )
 from ..views.animation import ANIMATIONS
-from ..views.plots.by_unit import BY_UNIT
 from ..views.plots.pictures import FIGURES
+from ..views.plots.stacked import BY_UNIT
 from . import brakes, supply, systems
 from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks

@@ -369,7 +369,7 @@ def render_cell(
     notes: Sequence[str] = (),
 ) -> str:
     """Return the HTML for notebooks of a system, scenario or simulation; see `render_system`."""
-    from ..views.system_cell import render_system
+    from ..views.notebook_cells import render_system
 
     return render_system(system, title, description, facts, notes)
 

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from emla_cosim.views import terminal
-from emla_cosim.views.progress_bars import BarProgress
+from emla_cosim.views.terminal import BarProgress
 from tests.support.commands import Emla, sentence
 
 HOSTILE = "a\x1b]0;owned\x07b\x9b31mc\u202ed"

@@ -12,7 +12,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.fmu.models import MODELS, fmu_path
 from emla_cosim.study.idealisations import list_idealisations
-from emla_cosim.views.idealisations import describe_idealisations
+from emla_cosim.views.formatting import describe_idealisations
 from emla_fmu import EmlaCompliantPlant, EmlaMotor, EmlaPlant
 from fmublock import Block
 from tests.support.commands import Emla

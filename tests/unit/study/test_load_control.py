@@ -17,7 +17,7 @@ from emla_cosim.study.figures import JOINT_FIGURES
 from emla_cosim.study.joints.schema import load_joint, read_joint_text
 from emla_cosim.study.randomness import find_seeds
 from emla_cosim.study.roles import find_variable, list_role_patterns
-from emla_cosim.views.idealisations import describe_idealisations
+from emla_cosim.views.formatting import describe_idealisations
 
 STIFFNESS, FORCE = 104461742.9276628, 57e3
 """Of the lift, in N/m and N."""

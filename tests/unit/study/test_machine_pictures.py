@@ -13,8 +13,8 @@ from emla_cosim.run.result import Result
 from emla_cosim.study.figures import MACHINE_FIGURES
 from emla_cosim.study.sketch.machine_picture import INSTANTS, MachineAnimation, MachineFilm, select_instants
 from emla_cosim.study.sketch.movement import Movement, list_recorded_signals, read_movement
-from emla_cosim.views.plots.by_unit import BY_UNIT
 from emla_cosim.views.plots.pictures import draw_figures
+from emla_cosim.views.plots.stacked import BY_UNIT
 from emla_cosim.views.plots.style import save
 from tests.support.hdrm_runs import replayed, result_of
 from tests.support.manipulator_geometry import HDRM, points

@@ -14,7 +14,7 @@ from PIL import Image
 import emla_cosim as ec
 from emla_cosim.pages.panels import Line, Plot, condense_curves
 from emla_cosim.study.loading import load
-from emla_cosim.views.plots import by_unit, panel_drawing, pictures
+from emla_cosim.views.plots import panel_drawing, pictures, stacked
 from emla_cosim.views.plots.overlay import overlay_runs, read_traces
 from emla_cosim.views.plots.panel_drawing import draw_panels
 from emla_cosim.views.plots.stacked import MOST_PANELS
@@ -281,7 +281,7 @@ def test_system_without_joints_has_a_picture(fmu_folder: Path, tmp_path: Path) -
         result = simulation.run()
     result.save(tmp_path / "o")
     assert [path.name for path in (tmp_path / "o").glob("*.png")] == ["signals.png"]
-    (group,) = by_unit.group_signals(result)
+    (group,) = stacked.group_signals(result)
     panels = group.panels(result, result.read(["time", *result.names]))
     assert {p.label: [line.label for line in p.lines] for p in panels} == {
         "m": ["gantry.motion.x_d", "gantry.slide.place"],
@@ -299,13 +299,13 @@ def test_large_system_has_a_picture_for_each_part(monkeypatch: pytest.MonkeyPatc
     constant = {name for name in result.names if len(set(result[name])) == 1}
 
     def list_signals() -> list[list[str]]:
-        return [list(by_unit.ByUnit(i).signals(result)) for i in range(7)]
+        return [list(stacked.ByUnit(i).signals(result)) for i in range(7)]
 
     branches = list_signals()
     assert branches[3:] == [[]] * 4 and constant
     for joint, signals in zip(("lift", "tilt", "telescope"), branches[:3], strict=True):
         assert signals == [n for n in result.names if n.startswith(f"{joint}.") and n not in constant]
-    monkeypatch.setattr(by_unit, "_MOST_SIGNALS", 12)
+    monkeypatch.setattr(stacked, "_MOST_SIGNALS", 12)
     parts = list_signals()
     components = [{name.rsplit(".", 1)[0].split(".")[1] for name in part} for part in parts[:3]]
     assert components == [{"reference"}, {"plant"}, {"disturbance"}]

@@ -7,8 +7,7 @@ from typing import Any
 from ...analyses.frame.outputs import Outputs, is_drawn
 from ...analyses.frame.report import Report, Text
 from ...views.output_folder import results_folder
-from ...views.progress_bars import BarProgress
-from ...views.terminal import print_line, show
+from ...views.terminal import BarProgress, print_line, show
 
 
 def run_analysis(

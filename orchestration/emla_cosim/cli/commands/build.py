@@ -24,8 +24,7 @@ from ...fmu.models import (
     fmu_path,
 )
 from ...inputs.input import is_data
-from ...views.progress_bars import BarProgress
-from ...views.terminal import print_line, show_file
+from ...views.terminal import BarProgress, print_line, show_file
 
 _SUPPLY = "FMUs for other companies"
 

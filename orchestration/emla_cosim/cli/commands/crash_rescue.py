@@ -24,8 +24,14 @@ from ...run.remarks import describe_lost_values
 from ...run.result import Result
 from ...run.run_record import COMPLETED
 from ...views.output_folder import METRICS, OutputFolder
-from ...views.progress_bars import BarProgress
-from ...views.terminal import show_error, show_interrupted, show_result, show_warning, use_verbosity
+from ...views.terminal import (
+    BarProgress,
+    show_error,
+    show_interrupted,
+    show_result,
+    show_warning,
+    use_verbosity,
+)
 from .crash_record import CrashPlan, StartedRun, read_plan
 
 

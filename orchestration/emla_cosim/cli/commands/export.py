@@ -8,8 +8,7 @@ from ...base.files import check_output_files
 from ...base.option import EXPORT, argument
 from ...run.scenarios.scenario import FMU, SSP, C, find_kind, refuse_unsuited
 from ...study.loading import load
-from ...views.progress_bars import BarProgress
-from ...views.terminal import show_file
+from ...views.terminal import BarProgress, show_file
 from .options import scenario
 
 OPTIONS = EXPORT

@@ -21,8 +21,7 @@ from ...inspection.system_info import JSON_FILE, Info, format_start, is_info
 from ...pages.text import shorten_text
 from ...study.loading import load
 from ...views.plots.style import is_picture, to_png
-from ...views.progress_bars import BarProgress
-from ...views.terminal import OUT, print_exactly, print_line, show, show_table
+from ...views.terminal import OUT, BarProgress, print_exactly, print_line, show, show_table
 from ..machine_tables import show_machine
 from .options import scenario
 

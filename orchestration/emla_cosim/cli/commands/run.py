@@ -22,8 +22,7 @@ from ...study.actuator.actuator import Actuator
 from ...study.loading import load
 from ...views.animation import check_animated
 from ...views.output_folder import OutputFolder, results_folder
-from ...views.progress_bars import BarProgress
-from ...views.terminal import print_line, show_result
+from ...views.terminal import BarProgress, print_line, show_result
 from .crash_record import CrashRecorder
 from .options import scenario
 

@@ -12,8 +12,7 @@ from ...analyses.trajectory.runner import trajectory
 from ...base.files import report_write_errors
 from ...base.option import OUTPUT, TRAJECTORY, argument, option, switch
 from ...views.output_folder import results_folder
-from ...views.progress_bars import BarProgress
-from ...views.terminal import print_line
+from ...views.terminal import BarProgress, print_line
 from .analysis import show_report
 
 OPTIONS = TRAJECTORY

@@ -29,8 +29,7 @@ from ...base.wording import format_count
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
 from ...pages.text import make_visible
 from ...verification import verify
-from ...views.progress_bars import BarProgress
-from ...views.terminal import show
+from ...views.terminal import BarProgress, show
 
 OPTIONS = VERIFY
 

@@ -11,8 +11,13 @@ from ...pages.comparisons import build_comparison_rows
 from ...pages.page import Plots, render_template
 from ...run.result import Result
 from ...ssp.diagram import build_diagrams, group_connections
-from ..formatting import describe_stepping, format_short, list_overrides
-from ..idealisations import describe_idealisations, list_idealisations
+from ..formatting import (
+    describe_idealisations,
+    describe_stepping,
+    format_short,
+    list_idealisations,
+    list_overrides,
+)
 from . import picture_plots, signals, tables
 
 _MOST_VALUES = 20_000_000

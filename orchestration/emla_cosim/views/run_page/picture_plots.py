@@ -9,9 +9,9 @@ from ...base.arrays import Vector
 from ...pages.page import Plots
 from ...pages.panels import Plot
 from ...run.result import Result
-from ..plots.by_unit import group_signals
 from ..plots.panel_drawing import has_changes
 from ..plots.pictures import FIGURES, Picture
+from ..plots.stacked import group_signals
 
 _MOST_POINTS = 110_000
 """Most points of all lines together, of about 11 bytes each."""
