@@ -7,7 +7,7 @@ import pytest
 
 from emla_cosim.base.crash_page import Stage, current_activity
 from emla_cosim.cli.commands import crash_rescue
-from emla_cosim.cli.commands.crash_record import CrashPlan
+from emla_cosim.cli.commands.crash_rescue import CrashPlan
 from emla_cosim.views.terminal import Verbosity
 
 
