@@ -33,8 +33,8 @@ from pathlib import Path
 import fmpy
 
 from docs.paste import pasted
+from fmu_verify.check import Verdict
 from fmu_verify.settings import Settings
-from fmu_verify.verdict import Verdict
 from tests.support.broken.asking import examined_all
 from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import build_good_fmu

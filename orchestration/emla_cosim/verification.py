@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from fmu_verify import runner
-from fmu_verify.check import check
+from fmu_verify.check import CheckOutcome, Clause, Verdict, check, failed, passed
+from fmu_verify.examiner import SystemKind
 from fmu_verify.findings import Examined, Finding
 from fmu_verify.messages import format_sentence
 from fmu_verify.report import Report
 from fmu_verify.settings import Recording
 from fmu_verify.subject import WholeSystem
-from fmu_verify.systems import SystemKind
-from fmu_verify.verdict import CheckOutcome, Clause, Verdict, failed, passed
 
 from .base.errors import CosimError
 from .ssp.reader.flat_document import read_ssp

@@ -4,9 +4,9 @@ from xml.sax.saxutils import escape
 
 from emla_cosim.base.wording import format_count
 
+from .check import Verdict
 from .findings import Findings
 from .report_files import BADGE_MARK
-from .verdict import Verdict
 
 # width of a letter in px; `textLength` makes it so with any font
 _WIDTH = 6.6

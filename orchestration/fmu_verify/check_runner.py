@@ -10,16 +10,10 @@ from emla_cosim.fmu.load_diagnosis import explain_python_needs
 from emla_cosim.fmu.loaded_library import REMEDY
 
 from .catalogue import RECORDED
-from .check import Check
-from .findings import Finding
-from .host.fresh_process import EndedError
-from .scratch import list_writable, use_scratch
-from .settings import Settings
-from .subprocess_run import CheckProcess
-from .terms import translate
-from .verdict import (
+from .check import (
     LEAVES_EXCEPTION,
     RETURNS,
+    Check,
     CheckOutcome,
     NotRunError,
     Verdict,
@@ -28,7 +22,13 @@ from .verdict import (
     is_own_rule,
     noted,
     skipped,
+    translate,
 )
+from .confinement import list_writable, use_scratch
+from .findings import Finding
+from .host.fresh_process import EndedError
+from .settings import Settings
+from .subprocess_run import CheckProcess
 
 _LICENSE = re.compile(r"licen[sc]e", re.IGNORECASE)
 """A word in messages of FMUs that do not run without a license of their tool."""

@@ -13,7 +13,7 @@ from typing import Any
 
 from emla_cosim.pages.text import make_visible, shorten_text
 
-from .verdict import Verdict
+from .check import Verdict
 
 _MOST_ROWS = 200
 # Most findings of each verdict. GitHub rejects summaries of more than 1 MiB.

@@ -4,21 +4,130 @@ import difflib
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
+from enum import StrEnum
+
+import fmpy
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.files import hash_file
+from emla_cosim.base.wording import matches_pattern
 
 from .catalogue import CHECKS, RECORDED, VITAL
-from .check import Check
+from .check import Check, Verdict
 from .check_runner import CheckRunner, skip_blocked
+from .confinement import list_gaps
+from .declarations import DeclaredVariable
 from .findings import Examined, Finding
-from .gate import find_objections, is_selected_by
 from .host.experiment import FEWEST_STEPS
+from .libraries import list_platforms
+from .messages import join_few_names
 from .settings import Settings
 from .subject import Subject
 from .subprocess_run import ERROR_OF_CHECK
-from .unexamined import list_unexamined
-from .verdict import Verdict
+
+_NOT_COMPARED = (
+    "Whether the values of outputs are right, and follow the inputs as intended: there is no reference to "
+    "compare with (--reference)."
+)
+
+
+def list_unexamined(subject: Subject, findings: Mapping[str, Finding]) -> tuple[str, ...]:
+    """Return what was not judged, as sentences, by all findings, also those that the report leaves out."""
+    return (
+        *_find_uncompared_values(findings),
+        *_find_not_run(findings.values()),
+        *(f"{f.check}: {gap}" for f in findings.values() for gap in f.outcome.gaps),
+        *_find_other_platforms(subject),
+        *_find_parts_of_version_3(subject),
+        *(list_gaps() if "run.completes" in findings else ()),
+    )
+
+
+def _find_uncompared_values(findings: Mapping[str, Finding]) -> Iterator[str]:
+    """Yield that nothing was compared with a reference, if the FMU runs."""
+    ran, compared = findings.get("run.completes"), findings.get("reference.agrees")
+    was_compared = compared is not None and compared.verdict in (Verdict.PASSED, Verdict.FAILED)
+    was_compared = was_compared or any(f.outcome.figures.get("compared") for f in findings.values())
+    if ran is not None and ran.verdict in (Verdict.PASSED, Verdict.WARNING) and not was_compared:
+        yield _NOT_COMPARED
+
+
+def _find_not_run(findings: Iterable[Finding]) -> Iterator[str]:
+    """Yield the checks that apply, but could not run, by reason."""
+    reasons: dict[str, list[str]] = {}
+    for f in findings:
+        if f.outcome.blocked and not f.outcome.gaps:
+            reasons.setdefault(f.sentence, []).append(f.check)
+    for reason, names in reasons.items():
+        yield f"{join_few_names(names)}: {reason}"
+
+
+def _find_parts_of_version_3(subject: Subject) -> Iterator[str]:
+    """Yield what FMI 3.0 has and no check that calls the FMU uses."""
+    if subject.known_version != 3 or "declared" not in vars(subject):
+        return
+    predicates: dict[str, Callable[[DeclaredVariable], bool]] = {
+        "Values of Binary variables": lambda v: v.type == "Binary",
+        "Values of arrays of Strings": lambda v: v.type == "String" and bool(v.dimensions),
+        "Other values of structural parameters": lambda v: v.causality == "structuralParameter",
+        "Values during intermediate updates": lambda v: (
+            v.own_attributes.get("intermediateUpdate") in ("true", "1")
+        ),
+    }
+    for label, is_unexamined in predicates.items():
+        if names := [v.name for v in subject.declared.variables if is_unexamined(v)]:
+            yield f"{label} were not examined: {join_few_names(names)}."
+
+
+def _find_other_platforms(subject: Subject) -> Iterator[str]:
+    """Yield the platforms whose binaries were only read."""
+    this_platform = (fmpy.platform, fmpy.platform_tuple)
+    if platforms := [p.name for p in list_platforms(subject) if p.name not in this_platform]:
+        names = join_few_names(platforms)
+        yield f"Binaries for {names} were read, but not run on this {fmpy.platform} machine."
+
+
+class Strictness(StrEnum):
+    """What makes an FMU fail in addition to failed checks."""
+
+    WARNING = "warning"
+    SKIP = "skip"
+
+
+_VERDICTS = {Strictness.WARNING: Verdict.WARNING, Strictness.SKIP: Verdict.SKIPPED}
+
+
+def is_selected_by(pattern: str, check: str) -> bool:
+    """Return whether a name, group or pattern selects a check."""
+    return check.partition(".")[0] == pattern or matches_pattern(check, pattern)
+
+
+def find_objections(findings: Sequence[Finding], settings: Settings) -> tuple[str, ...]:
+    """Return why an FMU does not pass, in addition to its failed checks."""
+    return tuple(_yield_objections(findings, settings))
+
+
+def _yield_objections(findings: Sequence[Finding], settings: Settings) -> Iterator[str]:
+    # a check that needs a failed one is not a reason of its own
+    failed = {f"It needs {f.check}, which failed." for f in findings if f.verdict == Verdict.FAILED}
+    if blocked := [f for f in findings if f.outcome.blocked and f.sentence not in failed]:
+        count = "1 check" if len(blocked) == 1 else f"{len(blocked)} checks"
+        yield f"{count} could not run. {blocked[0].check}: {blocked[0].sentence}"
+    for strictness in settings.fail_on:
+        if checks := [f.check for f in findings if f.verdict == _VERDICTS[Strictness(strictness)]]:
+            word = "warned" if strictness == Strictness.WARNING else "was skipped"
+            more = f", and {len(checks) - 1} more" if len(checks) > 1 else ""
+            yield f"--fail-on {strictness}: {checks[0]} {word}{more}."
+    for pattern in settings.must_run:
+        for f in findings:
+            if f.verdict == Verdict.SKIPPED and is_selected_by(pattern, f.check):
+                yield f"--must-run {pattern}: {f.check} was skipped. {f.sentence}"
+
+
+def list_unselected(patterns: Sequence[str], selected: Sequence[Check]) -> list[str]:
+    """Return the patterns of `--must-run` that select no check that runs."""
+    return [p for p in patterns if not any(is_selected_by(p, c.name) for c in selected)]
+
 
 _READ_AFTER = {"description.readable": ("tree", "description"), "description.schema": ("declared",)}
 """Attributes of a subject to read once for all later checks, after a check that passed."""

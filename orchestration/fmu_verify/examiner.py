@@ -5,7 +5,10 @@ Checks fork from it. It has no threads and few modules loaded, whatever the call
 
 import gc
 import tempfile
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, closing
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
@@ -14,13 +17,54 @@ from emla_cosim.base.channel import Channel
 from emla_cosim.base.errors import RunError, find_machine_fault
 from emla_cosim.fmu.instance import CLASSES, read_signatures
 
-from .confinement import confine_signals
-from .examination import examine_fmu
+from .check import Check
+from .check_runner import CheckRunner
+from .confinement import confine_signals, list_gaps
+from .examination import examine_fmu, find_objections
 from .findings import Examined, Finding
 from .host.process_state import adopt_orphans, end_children
 from .settings import Settings
-from .subject import Subject
-from .systems import SystemKind, examine_system
+from .subject import Subject, WholeSystem
+
+
+@dataclass(frozen=True)
+class SystemKind:
+    """Files with systems of FMUs, and how to verify them. Its functions are those of a module.
+
+    Attributes:
+        suffixes: The suffixes of the files: `.ssp`.
+        unpack: Returns the FMUs of a file, which exist as long as the context does.
+        runs: The check of a `WholeSystem` without an earlier run.
+        agrees: The check that compares it with an earlier run.
+    """
+
+    suffixes: tuple[str, ...]
+    unpack: Callable[[Path], AbstractContextManager[Sequence[Path]]]
+    runs: Check
+    agrees: Check
+
+    def select_check(self, settings: Settings) -> Check:
+        """Return the check that the settings ask for."""
+        return self.runs if settings.reference is None else self.agrees
+
+
+def examine_system(
+    path: Path, kind: SystemKind, settings: Settings, scratch: Path, progress: Callable[[Finding], None]
+) -> Examined:
+    """Run a system in a scratch folder. Compare it with an earlier run if the settings name one."""
+    start = time.monotonic()
+    with closing(CheckRunner(WholeSystem(path, settings, scratch), settings)) as runner:
+        finding = runner.run(kind.select_check(settings))
+    progress(finding)
+    return Examined(
+        path,
+        {},
+        (finding,),
+        time.monotonic() - start,
+        objections=find_objections((finding,), settings),
+        not_examined=tuple(list_gaps()),
+    )
+
 
 # modules that checks load: once, before forks
 _PRELOADED_MODULES = ("lief", "numpy.ma", "numpy.random", "encodings.cp437", "importlib.resources.readers")

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .verdict import CheckOutcome, Clause, Verdict
+from .check import CheckOutcome, Clause, Verdict
 
 
 @dataclass(frozen=True)

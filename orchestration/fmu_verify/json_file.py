@@ -46,10 +46,10 @@ from typing import Any
 from emla_cosim.base.tolerances import Comparison
 from emla_cosim.pages.text import to_plain
 
+from .check import Verdict
 from .explanation import format_command
 from .findings import Examined, Finding, Findings, find_worst
 from .report_files import JSON_FORMAT
-from .verdict import Verdict
 
 VERSION = 1
 """Version of the format."""

@@ -7,9 +7,9 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from emla_cosim.pages.text import make_visible
 
+from .check import Verdict
 from .explanation import explain_finding, shorten_names
 from .findings import Examined, Finding, Findings
-from .verdict import Verdict
 
 
 def render(report: Findings) -> str:

@@ -1,6 +1,7 @@
 """List and parse the shared libraries of an FMU, and list the functions that they must export."""
 
 import re
+import struct
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -10,8 +11,105 @@ from typing import Any
 
 from emla_cosim.fmu.file import missing_bytes
 
-from .binary_headers import NAMES_OF_VERSION_2, parse_platform
 from .subject import Subject
+
+_ELF = {3: "x86", 62: "x86_64", 40: "aarch32", 183: "aarch64", 243: "riscv64"}
+_PE = {0x014C: "x86", 0x8664: "x86_64", 0x01C4: "aarch32", 0xAA64: "aarch64"}
+_MACH = {7: "x86", 0x01000007: "x86_64", 0x0100000C: "aarch64"}
+_MACH_MAGIC = {b"\xce\xfa\xed\xfe": "<", b"\xcf\xfa\xed\xfe": "<"}
+_FAT = (b"\xca\xfe\xba\xbe", b"\xca\xfe\xba\xbf")
+# most processors of a universal library: Java classes begin with the same bytes
+_MOST_PARTS = 20
+# class of an ELF file: `ELFCLASS32`
+_32_BITS = 1
+
+_TARGETS_OF_VERSION_2 = {
+    f"{name}{bits}": (system, processor)
+    for name, system in (("linux", "linux"), ("win", "windows"), ("darwin", "darwin"))
+    for bits, processor in ((32, "x86"), (64, "x86_64"))
+}
+_SYSTEMS = {
+    **dict.fromkeys(("windows", "win"), "windows"),
+    **dict.fromkeys(("darwin", "macos", "mac", "osx"), "darwin"),
+    "linux": "linux",
+}
+_PROCESSORS = {
+    **dict.fromkeys(("x86_64", "amd64", "x64", "64"), "x86_64"),
+    **dict.fromkeys(("x86", "i386", "i686", "32"), "x86"),
+    **dict.fromkeys(("aarch64", "arm64"), "aarch64"),
+    **dict.fromkeys(("aarch32", "arm32", "armv7"), "aarch32"),
+}
+_WORDS = re.compile(f"{'|'.join(sorted({*_SYSTEMS, *_PROCESSORS}, key=len, reverse=True))}|[-_ ]|.+?")
+"""Names of systems and processors, and what may separate them."""
+
+NAMES_OF_VERSION_2 = frozenset(_TARGETS_OF_VERSION_2)
+"""Names of platforms in FMI 2.0."""
+
+
+def read_targets(path: Path) -> set[tuple[str, str]]:
+    """Return the systems and processors that a library is for, such as `("linux", "x86_64")`.
+
+    The set is empty for a file that is not a library of a known kind. An unknown processor is `""`.
+    """
+    with path.open("rb") as stream:
+        head = stream.read(4096)
+    try:
+        if head.startswith(b"\x7fELF"):
+            order = "<" if head[5] == 1 else ">"
+            processor = _ELF.get(struct.unpack_from(f"{order}H", head, 18)[0], "")
+            is_x32 = processor == "x86_64" and head[4] == _32_BITS  # pointers have 32 bits
+            return {("linux", "x32" if is_x32 else processor)}
+        if head.startswith(b"MZ"):
+            (position,) = struct.unpack_from("<I", head, 60)
+            if head[position : position + 4] == b"PE\0\0":
+                return {("windows", _PE.get(struct.unpack_from("<H", head, position + 4)[0], ""))}
+        if head[:4] in _MACH_MAGIC:
+            return {("darwin", _MACH.get(struct.unpack_from("<I", head, 4)[0], ""))}
+        if head[:4] in _FAT:
+            (count,) = struct.unpack_from(">I", head, 4)
+            width = 20 if head[:4] == _FAT[0] else 32
+            parts = range(count) if count <= _MOST_PARTS else ()
+            processors = [struct.unpack_from(">I", head, 8 + width * k)[0] for k in parts]
+            return {("darwin", _MACH.get(processor, "")) for processor in processors}
+    except struct.error:
+        pass  # truncated
+    return set()
+
+
+def parse_platform(folder: str) -> tuple[str, str] | None:
+    """Return the system and processor of a platform's folder; None if its name is not standardized."""
+    if folder in _TARGETS_OF_VERSION_2:
+        return _TARGETS_OF_VERSION_2[folder]
+    processor, _, system = folder.partition("-")
+    processors = {*_ELF.values(), *_PE.values(), *_MACH.values()}
+    is_standard = system in ("linux", "windows", "darwin") and processor in processors
+    return (system, processor) if is_standard else None
+
+
+def describe_mismatch(path: Path, folder: str) -> str:
+    """Return for what a library is if that is not what its folder is for; otherwise an empty string."""
+    expected, actual = parse_platform(folder), read_targets(path)
+    if expected is None or not actual or expected in actual:
+        return ""
+    if folder == "darwin64" and ("darwin", "aarch64") in actual:
+        return ""  # usual for macOS on ARM, for which FMI 2.0 had no name
+    return " and ".join(
+        sorted(f"{system} on {processor or 'another processor'}" for system, processor in actual)
+    )
+
+
+def suggest_platform(folder: str, version: int) -> str:
+    """Return the name in FMI 2.0 or 3.0 that the name of a folder in `binaries` means; empty if none is."""
+    words = [word for word in _WORDS.findall(folder.lower()) if word not in "-_ "]
+    systems = [_SYSTEMS[word] for word in words if word in _SYSTEMS]
+    processors = [_PROCESSORS[word] for word in words if word in _PROCESSORS]
+    if len(words) != 2 or len(systems) != 1 or len(processors) != 1:
+        return ""
+    target = systems[0], processors[0]
+    names = {pair: name for name, pair in _TARGETS_OF_VERSION_2.items()} if version == 2 else {}
+    name = names.get(target, f"{target[1]}-{target[0]}")
+    return "" if name == folder else name
+
 
 # bits of `n_type` in the symbol table of Mach-O: N_EXT, N_STAB and N_PEXT, N_TYPE, N_SECT
 _EXTERNAL, _DEBUG_OR_PRIVATE, _TYPE, _IN_SECTION = 0x01, 0xF0, 0x0E, 0x0E

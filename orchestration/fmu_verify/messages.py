@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from emla_cosim.base.faults import ADVICE
 
-from .verdict import CheckOutcome, Clause, failed, passed, warned
+from .check import CheckOutcome, Clause, failed, passed, warned
 
 _ADVICE = re.compile(rf" \({re.escape(ADVICE)}[^)]*\)| {re.escape(ADVICE)}\.")
 LONGEST = 400

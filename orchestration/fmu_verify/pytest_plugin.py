@@ -168,8 +168,8 @@ class FmuItem(pytest.Item):
 
     def runtest(self) -> None:
         """Fail, skip or warn according to the verdict."""
+        from .check import Verdict
         from .explanation import explain_finding
-        from .verdict import Verdict
 
         assert isinstance(self.parent, FmuCollector)
         examined, finding = self.parent.finding(self)
@@ -245,7 +245,7 @@ def _read_worker_data(config: pytest.Config) -> dict[str, Any] | None:
 def _find_finding(check: str, examined: Examined, selected: Container[str]) -> Finding | None:
     """Return the finding of a check, or that of a failed check that has no test; None if there is none."""
     from .catalogue import CHECKS
-    from .verdict import Verdict
+    from .check import Verdict
 
     untested_failures = [f for f in examined.of(Verdict.FAILED) if f.check not in selected]
     finding = next((f for f in examined.findings if f.check == check), None)

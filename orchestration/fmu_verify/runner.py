@@ -17,18 +17,22 @@ from emla_cosim.base.progress import Progress
 from emla_cosim.base.tolerances import Tolerance
 from emla_cosim.base.values import convert_value
 
-from .check import Check
+from .check import RETURNS, Check, Verdict, failed
 from .check_runner import make_finding
-from .examination import check_names, select_checks, select_needed_checks
-from .examiner import ExaminerJob, examine_jobs
+from .examination import (
+    Strictness,
+    check_names,
+    find_objections,
+    list_unselected,
+    select_checks,
+    select_needed_checks,
+)
+from .examiner import ExaminerJob, SystemKind, examine_jobs
 from .explanation import list_options
 from .findings import Examined, Finding
-from .gate import Strictness, find_objections, list_unselected
 from .references.recording import check_recording
 from .report import Report
 from .settings import Recording, Settings
-from .systems import SystemKind
-from .verdict import RETURNS, Verdict, failed
 
 
 def verify(

@@ -16,10 +16,10 @@ from urllib.parse import quote
 from emla_cosim.pages.text import make_visible, shorten_text, to_plain
 
 from .catalogue import CHECKS
+from .check import Verdict
 from .explanation import explain_finding
 from .findings import Examined, Finding, Findings
 from .report_files import SARIF_TOOL
-from .verdict import Verdict
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 LEVELS = ("error", "warning", "note")

@@ -15,10 +15,10 @@ from emla_cosim.fmu.elements import split_arrays
 from emla_cosim.fmu.file import find_library
 from emla_cosim.fmu.interface import Interface, read_with_fmpy
 
+from .check import FLAGS
 from .declarations import Declarations, read_declarations
 from .messages import shorten_sentence
 from .settings import Settings
-from .terms import FLAGS
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from emla_cosim.base.errors import find_machine_fault
 from emla_cosim.base.process import Child, ChildEndedError, describe_exit, limit_memory, silence
 from emla_cosim.fmu.loaded_library import REMEDY, find_left_exception
 
+from .check import LEAVES_EXCEPTION, RETURNS, CheckOutcome, blocked, describe_exception, failed, quote
 from .confinement import confine
-from .verdict import LEAVES_EXCEPTION, RETURNS, CheckOutcome, blocked, describe_exception, failed, quote
 
 _FIRST = "its first call"
 """The note before the first call."""

@@ -16,11 +16,11 @@ import pytest
 
 import emla_cosim as ec
 from fmu_verify import confinement
+from fmu_verify.check import Verdict
 from fmu_verify.confinement import can_confine, confine, list_gaps
+from fmu_verify.examination import list_unexamined
 from fmu_verify.host.fresh_process import in_fresh_process
 from fmu_verify.report_files import REPORT_FILES
-from fmu_verify.unexamined import list_unexamined
-from fmu_verify.verdict import Verdict
 from tests.support.broken.examining import examine
 from tests.support.broken.wide import build_wide_fmu
 from tests.support.clusters import family

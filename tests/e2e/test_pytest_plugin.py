@@ -20,7 +20,7 @@ VERIFYING = """
 import sys
 from dataclasses import replace
 import fmu_verify.runner
-from fmu_verify.verdict import warned
+from fmu_verify.check import warned
 
 module = sys.modules["fmu_verify.runner"]
 real = module.verify

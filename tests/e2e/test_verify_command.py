@@ -23,9 +23,9 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.cli.commands import verify as commands_verify
 from emla_cosim.fmu.models import FLAVOURS, MODELS, build, fmu_path
 from fmu_verify.catalogue import CHECKS, DYNAMIC
+from fmu_verify.check import Verdict
 from fmu_verify.examination import select_checks
 from fmu_verify.settings import Settings
-from fmu_verify.verdict import Verdict
 from fmublock import Block
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.editing import setting, with_files

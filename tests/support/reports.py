@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from emla_cosim.base.tolerances import Comparison, Tube
+from fmu_verify.check import CheckOutcome, Clause, failed, passed, skipped, warned
 from fmu_verify.findings import Examined, Finding
 from fmu_verify.report import Report
-from fmu_verify.verdict import CheckOutcome, Clause, failed, passed, skipped, warned
 
 CLAUSE = Clause("2.1.5", "The function returns a new instance of an FMU.")
 STARTED = "2026-11-22T11:53:17+00:00"

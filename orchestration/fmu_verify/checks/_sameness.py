@@ -2,8 +2,8 @@
 
 import math
 
-from ..host.instance_runs import OutputTrajectory
-from ..verdict import CheckOutcome, failed, passed, warned
+from ..check import CheckOutcome, failed, passed, warned
+from ..host.experiment import OutputTrajectory
 
 _CLOSE = 1e-3
 """Allowed difference between two solvers or step sizes, relative to an output's range."""

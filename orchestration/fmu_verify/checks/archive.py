@@ -8,11 +8,10 @@ from pathlib import Path
 from emla_cosim.base.errors import find_machine_fault
 from emla_cosim.fmu.file import UnsafeArchiveError, unpack
 
-from ..check import check
+from ..check import CheckOutcome, check, failed, passed, quote, warned
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, passed, quote, warned
 
 _MAX_UNCHECKED_SIZE = 256 * 2**20
 """Size in bytes up to which the compression ratio is not checked."""

@@ -9,15 +9,13 @@ from fmpy.model_description import ModelVariable
 
 from emla_cosim.base.arrays import Vector
 
-from ..check import check
-from ..host.experiment import make_experiment, read_limits, read_span
+from ..check import CheckOutcome, check, failed, noted, passed, quote, skipped, unjudged, warned
+from ..host.experiment import make_experiment, read_limits, read_span, take_in_time, walk
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import take_in_time, walk
 from ..host.other_values import Values, choose_other, list_other_values, list_settable, read_start
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, noted, passed, quote, skipped, unjudged, warned
 
 _TIME_FRACTION = 0.5
 """Part of the time limit in which runs are repeated with other inputs."""

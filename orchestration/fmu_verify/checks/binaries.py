@@ -10,12 +10,13 @@ import fmpy
 from emla_cosim.fmu.file import explain_missing_library, missing_bytes
 from emla_cosim.fmu.load_diagnosis import diagnose_library
 
-from ..binary_headers import NAMES_OF_VERSION_2, describe_mismatch
 from ..c_sources import list_source_files
-from ..check import check
+from ..check import CheckOutcome, blocked, check, failed, passed, quote, skipped
 from ..libraries import (
+    NAMES_OF_VERSION_2,
     SUFFIXES,
     Library,
+    describe_mismatch,
     find_dependencies_file,
     find_suffix,
     list_exports,
@@ -27,7 +28,6 @@ from ..libraries import (
 from ..messages import Breach, Problem, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, blocked, failed, passed, quote, skipped
 
 _THIS_PLATFORM = (fmpy.platform_tuple, fmpy.platform)
 _NAME = quote("binaries.name")

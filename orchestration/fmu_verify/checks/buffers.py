@@ -8,14 +8,13 @@ from typing import Any
 
 from emla_cosim.fmu.instance import FINE, STATUS
 
-from ..check import check
+from ..check import RETURNS, CheckOutcome, check, failed, noted, passed, skipped, warned
 from ..host.experiment import read_span
 from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import EndlessIterationError, HostedInstance
 from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import RETURNS, CheckOutcome, failed, noted, passed, skipped, warned
-from .iteration import explain_endless
+from .events import explain_endless
 
 _GUARD = 64
 _FILL = 0xA5

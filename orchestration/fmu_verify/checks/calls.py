@@ -10,14 +10,12 @@ from fmpy.model_description import ModelVariable
 
 from emla_cosim.fmu.instance import FATAL, FINE
 
-from ..check import check
-from ..host.experiment import make_experiment, parse_number, read_span
+from ..check import RETURNS, CheckOutcome, check, failed, noted, passed, quote, warned
+from ..host.experiment import list_outputs, make_experiment, parse_number, read_span, take_in_time, walk
 from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import list_outputs, take_in_time, walk
 from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import RETURNS, CheckOutcome, failed, noted, passed, quote, warned
 
 _PHASES = ("before initialization", "in initialization mode", "after initialization", "after fmi2Terminate")
 

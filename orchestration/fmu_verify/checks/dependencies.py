@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from fmpy.model_description import ModelVariable
 
-from ..check import check
+from ..check import CheckOutcome, check, failed, passed, skipped
 from ..host.arrays import ElementDependency
 from ..host.experiment import read_span
 from ..host.fresh_process import EndedError, in_fresh_process
@@ -27,7 +27,6 @@ from ..host.points import (
 )
 from ..messages import judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, passed, skipped
 
 _POINTS = 3
 _CHANGE = 1e-2

@@ -11,12 +11,10 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from emla_cosim.fmu.document import DESCRIPTION
 
-from ..check import check
+from ..check import CheckOutcome, check, failed, passed, quote, say, skipped
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..terms import say
-from ..verdict import CheckOutcome, failed, passed, quote, skipped
 
 _ROOT = "fmiModelDescription"
 

@@ -7,14 +7,12 @@ from fmpy import fmi2, fmi3
 
 from emla_cosim.fmu.log import FmuLog
 
-from ..check import check
-from ..host.experiment import make_experiment
+from ..check import CheckOutcome, check, failed, passed, quote, warned
+from ..host.experiment import make_experiment, run_instance
 from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import run_instance
 from ..host.log import LOG
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, passed, quote, warned
 
 _TIME_FRACTION = 0.25
 """Part of the time limit for each of the two runs."""

@@ -2,13 +2,11 @@
 
 from typing import NamedTuple
 
-from ..check import check
-from ..host.experiment import make_experiment
-from ..host.fresh_process import in_fresh_process
-from ..host.hosted_instance import RETURNS_EARLY, HostedInstance
-from ..host.instance_runs import run_instance
+from ..check import CheckOutcome, blocked, check, failed, passed, quote, skipped
+from ..host.experiment import keep_run, make_experiment, run_instance
+from ..host.fresh_process import EndedError, in_fresh_process
+from ..host.hosted_instance import RETURNS_EARLY, CallError, EndlessIterationError, HostedInstance
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, passed, quote, skipped
 
 _STEPS = 100
 
@@ -59,3 +57,44 @@ def _run_with_events(subject: Subject, has_mode: bool) -> _EventRun:
     events = instance.events
     assert events is not None
     return _EventRun(events.steps, events.events, events.returns, events.first_early_return)
+
+
+NAME = "events.iteration"
+
+
+@check(NAME, needs=("instance.created",), time_factor=2.0)
+def iteration(subject: Subject) -> CheckOutcome:
+    """Run the FMU with its events, and look whether updates of discrete states ask for more without end."""
+    has_mode = subject.version == 3 and subject.has_flag("hasEventMode", "CoSimulation")
+    kinds = [k for k in subject.run_kinds if k == "ModelExchange" or (k == "CoSimulation" and has_mode)]
+    if not kinds:
+        return skipped("It has no event mode.")
+    gaps = list[str]()
+    for kind in kinds:
+        try:
+            if where := in_fresh_process(_find_endless, subject, kind):
+                return failed(f"The event iteration {where} does not end: each update asks for another one.")
+        except (CallError, EndedError) as error:  # other checks report it
+            gaps.append(f"Event iterations as {kind} were looked at only until a call went wrong. {error}")
+    return passed("All event iterations that were seen end.", gaps=tuple(gaps))
+
+
+def explain_endless(error: CallError) -> CheckOutcome:
+    """Return the outcome of a check that needs event iterations to end; raise errors of another kind."""
+    if not isinstance(error, EndlessIterationError):
+        raise error
+    return blocked(f"It needs {NAME}, which failed.")
+
+
+def _find_endless(subject: Subject, kind: str) -> str:
+    """Return where an event iteration does not end; empty if all do."""
+    uses_mode = True if kind == "CoSimulation" else None
+    instance, course = HostedInstance(subject, kind=kind, events=uses_mode), make_experiment(subject)
+    try:
+        trajectory = run_instance(instance, course)
+    except EndlessIterationError:
+        start = instance.step_began
+        return "of the initialization" if start is None else f"in the step from t = {start:.9g} s"
+    if kind == "ModelExchange" or subject.has_clocks:  # other checks run it with the same options
+        keep_run(subject, course, kind, trajectory)
+    return ""

@@ -11,15 +11,22 @@ import numpy as np
 from emla_cosim.fmu.clocks import CLOCK, explain_unsupported_clock, is_triggered_input
 from emla_cosim.fmu.instance import OK
 
-from ..check import check
-from ..host.experiment import MOST_STEPS, Experiment, make_experiment, read_span
+from ..check import CheckOutcome, Verdict, blocked, check, failed, noted, passed, quote, skipped, warned
+from ..host.experiment import (
+    MOST_STEPS,
+    Experiment,
+    OutputTrajectory,
+    list_outputs,
+    make_experiment,
+    read_span,
+    run_alone,
+    run_instance,
+)
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import OutputTrajectory, list_outputs, run_alone, run_instance
 from ..host.log import LOG
 from ..host.process_state import can_read_memory, read_memory
 from ..subject import Subject
-from ..verdict import CheckOutcome, Verdict, blocked, failed, noted, passed, quote, skipped, warned
 from ._sameness import compare_runs
 from .memory import read_allocated
 

@@ -8,7 +8,7 @@ from urllib.parse import unquote, urlsplit
 
 from emla_cosim.base.errors import CommandError
 
-from ..check import check
+from ..check import CheckOutcome, Clause, check, noted, quote, skipped
 from ..layered_manifest import (
     BUS,
     EXTRA,
@@ -24,9 +24,7 @@ from ..layered_manifest import (
 )
 from ..messages import Breach, Problem, format_sentence, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, noted, quote, skipped
-from ._layered_terminals import doubt_maps, judge_buses, judge_maps
-from ._layered_xcp import judge_xcp
+from ._layered_demands import doubt_maps, judge_buses, judge_maps, judge_xcp
 
 _DOMAIN = re.compile(r"[A-Za-z][\w-]*(\.[\w-]+)+")
 """A reverse domain name."""

@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator
 
-from ..check import check
+from ..check import CheckOutcome, check, quote
 from ..declarations import Declarations, DeclaredUnknown
 from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, quote
 from .structure import find_unlisted, ignores_derivatives
 
 _INDICES = quote("shared.indices")

@@ -9,16 +9,14 @@ from contextlib import suppress
 from emla_cosim.fmu.instance import ERROR, FATAL, OK, STATUS
 from emla_cosim.fmu.log import LogLine
 
-from ..check import check
-from ..host.experiment import make_experiment
+from ..check import RETURNS, CheckOutcome, check, failed, noted, passed, quote, unjudged, warned
+from ..host.experiment import make_experiment, run_instance
 from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import run_instance
 from ..host.log import LOG, format_message
 from ..host.process_state import load_c_library
 from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import RETURNS, CheckOutcome, failed, noted, passed, quote, unjudged, warned
 from .calls import go_to_phase, list_refused_calls
 
 _MOST_CATEGORIES = 6

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ..check import check
+from ..check import CheckOutcome, check, passed, skipped, warned
 from ..host.experiment import make_experiment
 from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
@@ -17,7 +17,6 @@ from ..host.other_values import list_settable, read_start
 from ..host.process_state import can_read_memory, load_c_library, read_memory
 from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, passed, skipped, warned
 
 # calls of a batch, unless they are slow: where the C library counts bytes, and where it does not
 _CALLS = {True: 300, False: 1000}

@@ -2,17 +2,28 @@
 
 import ctypes
 import re
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import fmpy
 
-from ..binary_headers import describe_mismatch, suggest_platform
-from ..check import check
-from ..libraries import SUFFIXES, list_libraries, list_platforms
-from ..messages import judge_problems
+from ..check import CheckOutcome, check, failed, noted, passed, quote, skipped, warned
+from ..libraries import (
+    SUFFIXES,
+    Library,
+    describe_mismatch,
+    find_dependencies_file,
+    list_libraries,
+    list_needed_libraries,
+    list_platforms,
+    parse_library,
+    suggest_platform,
+)
+from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, failed, passed, skipped, warned
 
 _THIS_PLATFORM = (fmpy.platform_tuple, fmpy.platform)
 _VERSION_3 = re.compile(rb"3\.0(\.[0-9]+)?")
@@ -80,3 +91,100 @@ def _call_text_function(library: ctypes.CDLL, name: str) -> bytes | None:
 
 def _quote(text: bytes | None) -> str:
     return "NULL" if text is None else repr(text[:40].decode(errors="replace"))
+
+
+_STANDARD_LIBRARY = re.compile(
+    r"""
+    lib(c|m|dl|rt|pthread|util|gcc_s|stdc\+\+)\.so(\.\d+)? | ld-(linux|musl)[-.\w]*
+    | libSystem\.B\.dylib | libc\+\+(abi)?\.\d\.dylib | libobjc\.A\.dylib
+    | (api|ext)-ms-win-[-\w]+\.dll | (kernel|user|gdi|advapi|shell|ole|oleaut|ws2_|comdlg)32\.dll
+    | (ntdll|msvcrt|ucrtbase|bcrypt|crypt32|secur32|shlwapi|version|winmm|imagehlp|rpcrt4|psapi|dbghelp)\.dll
+    | (comctl32|netapi32|wsock32|mswsock|wintrust|dhcpcsvc|iphlpapi|dnsapi|userenv|setupapi|cfgmgr32)\.dll
+    | (wtsapi32|mpr|ncrypt|powrprof|normaliz|uxtheme|msimg32|opengl32|glu32)\.dll | winspool\.drv
+    """,
+    re.VERBOSE | re.IGNORECASE,
+)
+"""Libraries that come with every GNU/Linux, macOS or Windows."""
+
+# folders with the libraries of a system, which every program finds without a path
+_SYSTEM_FOLDER = re.compile(r"/(usr/(local/)?)?lib(32|64)?(/[^/]*-linux-[^/]*)?/?")
+
+_UNDEFINED = 0
+"""Section index of symbols that other libraries define."""
+
+
+@check("binaries.imports", needs=("binaries.present",))
+def imports(subject: Subject) -> CheckOutcome:
+    """Check that every needed library and function is standard or shipped with the FMU."""
+    parsed = [(library, parse_library(library.path)) for library in list_libraries(subject)]
+    libraries = [(library, binary) for library, binary in parsed if binary is not None]
+    if not libraries:
+        return skipped("There are no readable binaries.")
+    doubts = [
+        p
+        for library, binary in libraries
+        for p in (*_find_unusual_libraries(library, binary), *_find_undefined_functions(library, binary))
+    ]
+    paths = [p for library, binary in libraries for p in _find_foreign_paths(library, binary)]
+    if doubts and not paths and (dependencies_file := find_dependencies_file(subject)):
+        message = f"{doubts[0]} {dependencies_file} is there to document what it needs."
+        return noted(message, details=tuple(doubts))
+    fine = f"{join_few_names([str(library) for library, _ in libraries])} need only standard libraries."
+    return judge_problems((), fine, [*doubts, *paths])
+
+
+def _find_unusual_libraries(library: Library, binary: Any) -> Iterator[str]:
+    shipped = {p.name.lower() for p in library.path.parent.iterdir()}
+    names = [name.rpartition("/")[2] for name in list_needed_libraries(binary)]
+    unusual = [n or "''" for n in names if not _STANDARD_LIBRARY.fullmatch(n) and n.lower() not in shipped]
+    if unusual:
+        yield f"{library} needs {join_few_names(unusual)}, which some systems do not have."
+
+
+def _find_foreign_paths(library: Library, binary: Any) -> Iterator[Problem]:
+    """Yield folders of the machine of the exporter in which a Linux library looks for others."""
+    import lief
+
+    if not isinstance(binary, lief.ELF.Binary):
+        return
+    for entry in binary.dynamic_entries:
+        if isinstance(entry, lief.ELF.DynamicEntryRpath):
+            kind, paths = "RPATH", entry.rpath
+        elif isinstance(entry, lief.ELF.DynamicEntryRunPath):
+            kind, paths = "RUNPATH", entry.runpath
+        else:
+            continue
+        folders = [f for f in str(paths).split(":") if f]
+        absolute_folders = [f for f in folders if not f.startswith(("$ORIGIN", "${ORIGIN}"))]
+        if foreign := [f for f in absolute_folders if not _SYSTEM_FOLDER.fullmatch(f)]:
+            message = f"{library} looks for libraries in {join_few_names(foreign)} ({kind})"
+            yield Breach(f"{message}, which is not in the FMU.", quote("imports.origin"))
+
+
+def _find_undefined_functions(library: Library, binary: Any) -> Iterator[str]:
+    """Yield a warning about functions that a Linux library needs, but that no library it links has."""
+    import lief
+
+    if not isinstance(binary, lief.ELF.Binary):
+        return
+    imported = [s for s in binary.dynamic_symbols if s.shndx == _UNDEFINED and s.name]
+    required = [s for s in imported if s.binding != lief.ELF.Symbol.BINDING.WEAK]
+    undefined_names = sorted({str(s.name) for s in required if not _has_version(s)})
+    if undefined_names and library.platform in (fmpy.platform, fmpy.platform_tuple):
+        handles = [handle for n in list_needed_libraries(binary) if (handle := _load_library(n)) is not None]
+        undefined_names = [n for n in undefined_names if not any(hasattr(h, n) for h in handles)]
+    elif any(not _STANDARD_LIBRARY.fullmatch(name) for name in list_needed_libraries(binary)):
+        return
+    if undefined_names:
+        yield f"{library} needs {join_few_names(undefined_names)}, which none of its linked libraries has."
+
+
+def _has_version(symbol: Any) -> bool:
+    return bool(symbol.has_version and symbol.symbol_version.has_auxiliary_version)
+
+
+def _load_library(name: str) -> Any:
+    """Load a library of this system. Return None if there is none with this name."""
+    with suppress(OSError):
+        return ctypes.CDLL(name) if _STANDARD_LIBRARY.fullmatch(name) else None
+    return None

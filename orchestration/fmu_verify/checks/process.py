@@ -8,11 +8,10 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
-from ..check import check
-from ..host.experiment import make_experiment
+from ..check import CheckOutcome, check, failed, passed, quote, skipped, warned
+from ..host.experiment import make_experiment, run_instance
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import run_instance
 from ..host.log import format_message
 from ..host.process_state import (
     adopt_orphans,
@@ -26,7 +25,6 @@ from ..host.process_state import (
 from ..messages import join_few_names, judge_problems
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, failed, passed, quote, skipped, warned
 
 _STEPS = 10
 _CYCLES = 3

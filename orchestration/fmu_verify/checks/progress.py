@@ -11,15 +11,22 @@ from fmpy.fmi2 import fmi2LastSuccessfulTime
 from emla_cosim.base.arrays import Vector
 from emla_cosim.fmu.instance import OK
 
-from ..check import check
-from ..host.experiment import Experiment, make_experiment, read_span
+from ..check import CheckOutcome, check, skipped, unjudged
+from ..host.experiment import (
+    Experiment,
+    OutputTrajectory,
+    list_outputs,
+    make_experiment,
+    read_span,
+    step_instance,
+    take_in_time,
+    walk,
+)
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import OutputTrajectory, list_outputs, step_instance, take_in_time, walk
 from ..host.other_values import Values, list_other_values, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, skipped, unjudged
 
 _MAX_TIME_ERROR = 1e-3
 """Distance of the FMU's time from the end of a step, relative to the step, that counts."""

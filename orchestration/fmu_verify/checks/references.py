@@ -4,17 +4,21 @@ from pathlib import Path
 
 from emla_cosim.base.errors import CommandError, find_machine_fault
 
-from ..check import check
+from ..check import CheckOutcome, NotRunError, blocked, check, failed, passed, quote, unjudged, warned
 from ..host.fresh_process import in_fresh_process
 from ..messages import format_sentence
-from ..references.experiments import ExperimentSetup, list_experiment_files, read_experiments, read_setup
-from ..references.judgment import check_columns, combine, judge_run
-from ..references.playback import run_reference
+from ..references.experiments import (
+    ExperimentSetup,
+    RelatedFile,
+    list_experiment_files,
+    list_related,
+    read_experiments,
+    read_setup,
+)
+from ..references.judgment import check_columns, combine, judge_run, run_reference
 from ..references.recording import record_reference as write_references
 from ..references.reference_files import find_solution, list_companions, read_reference
-from ..references.related_files import RelatedFile, list_related
 from ..subject import Subject
-from ..verdict import CheckOutcome, NotRunError, blocked, failed, passed, quote, unjudged, warned
 
 _RULES = quote("references.rules")
 

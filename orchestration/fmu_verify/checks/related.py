@@ -10,32 +10,12 @@ import numpy as np
 
 from emla_cosim.base.errors import CommandError
 
-from ..check import check
-from ..host.experiment import make_experiment, read_span
-from ..host.fresh_process import EndedError, in_fresh_process
-from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import OutputTrajectory, list_outputs, walk
-from ..messages import format_sentence, join_few_names
-from ..references.experiments import (
-    SSV,
-    TRANSIENT,
-    TYPES,
-    ExperimentSetup,
-    list_experiment_files,
-    read_experiments,
-    read_parameter_values,
-    read_setup,
-)
-from ..references.judgment import check_columns, combine, judge_run
-from ..references.playback import run_reference
-from ..references.reference_files import ReferenceSolution, list_companions
-from ..references.related_files import SRMD, RelatedFile, find_fault, is_of_type, is_xml, list_related
-from ..subject import Subject
-from ..verdict import (
+from ..check import (
     RETURNS,
     CheckOutcome,
     NotRunError,
     Verdict,
+    check,
     failed,
     passed,
     quote,
@@ -43,6 +23,29 @@ from ..verdict import (
     unjudged,
     warned,
 )
+from ..host.experiment import OutputTrajectory, list_outputs, make_experiment, read_span, walk
+from ..host.fresh_process import EndedError, in_fresh_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..messages import format_sentence, join_few_names
+from ..references.experiments import (
+    SRMD,
+    SSV,
+    TRANSIENT,
+    TYPES,
+    ExperimentSetup,
+    RelatedFile,
+    find_fault,
+    is_of_type,
+    is_xml,
+    list_experiment_files,
+    list_related,
+    read_experiments,
+    read_parameter_values,
+    read_setup,
+)
+from ..references.judgment import check_columns, combine, judge_run, run_reference
+from ..references.reference_files import ReferenceSolution, list_companions
+from ..subject import Subject
 from ._sameness import ROUNDING, compare_runs
 from .states import restore_bytes
 

@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 from functools import partial
 
-from ..check import check
+from ..check import CheckOutcome, check, quote, skipped, unjudged
 from ..messages import Breach, Problem, judge_problems
-from ..sanitizer.reports import count_bytes
-from ..sanitizer.run import TIME_FACTOR, SanitizedRun, run_sanitized
+from ..sanitizer.run import TIME_FACTOR, SanitizedRun, count_bytes, run_sanitized
 from ..subject import Subject
-from ..verdict import CheckOutcome, quote, skipped, unjudged
 
 _check = partial(
     check,

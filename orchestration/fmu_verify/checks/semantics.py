@@ -5,15 +5,14 @@ from fmpy.validation import validate_model_description
 
 from emla_cosim.fmu.document import find_attribute_fault
 
-from ..check import check
+from ..check import CheckOutcome, Verdict, check, noted, passed
 from ..messages import shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Verdict, noted, passed
-from . import description, listed_dependencies, starts, structure, types, units, variables
+from . import description, listed_dependencies, starts, structure, units, variables
 
 _PRECISE_CHECKS = (
     description.capabilities,
-    types.types,
+    variables.types,
     units.defined,
     variables.names,
     variables.attributes,

@@ -3,11 +3,10 @@
 import math
 from collections.abc import Iterator, Mapping
 
-from ..check import check
+from ..check import CheckOutcome, check, quote
 from ..declarations import NUMERIC, DeclaredVariable
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, quote
 
 _REQUIRED = quote("variables.start")
 _ALWAYS_REQUIRED = quote("starts.always_required")

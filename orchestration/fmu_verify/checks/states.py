@@ -6,14 +6,20 @@ import numpy as np
 
 from emla_cosim.base.wording import format_count
 
-from ..check import check
-from ..host.experiment import Experiment, make_experiment
+from ..check import CheckOutcome, Verdict, check, failed, noted, passed, quote, skipped
+from ..host.experiment import (
+    Experiment,
+    OutputTrajectory,
+    make_experiment,
+    run_alone,
+    run_instance,
+    step_instance,
+    take_in_time,
+)
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance, SerializedState
-from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance, take_in_time
 from ..host.process_state import can_read_memory, list_writable_memory, read_memory
 from ..subject import Subject
-from ..verdict import CheckOutcome, Verdict, failed, noted, passed, quote, skipped
 from ._sameness import compare_runs
 from .memory import read_allocated
 

@@ -3,11 +3,10 @@
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
-from ..check import check
+from ..check import CheckOutcome, Clause, check, quote
 from ..declarations import Declarations, DeclaredVariable, UnknownList, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, quote
 
 _DERIVATIVE = quote("shared.derivative")
 

@@ -8,11 +8,10 @@ from urllib.parse import unquote, urlsplit
 from emla_cosim.base.untrusted_xml import parse_xml
 from emla_cosim.fmu.document import TERMINALS
 
-from ..check import check
+from ..check import CheckOutcome, check, failed, quote, skipped
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, quote, skipped
 from .description import find_schema_problems
 
 _VERSION = quote("terminals.version")

@@ -12,11 +12,10 @@ from emla_cosim.base.units import (
     is_same_factor,
 )
 
-from ..check import check
+from ..check import CheckOutcome, check, quote
 from ..declarations import Declarations, DeclaredUnit, DeclaredVariable, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, quote
 
 _RAD = BASE_UNITS.index("rad")
 

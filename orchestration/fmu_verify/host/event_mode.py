@@ -26,7 +26,7 @@ from emla_cosim.stepper.event_layout import (
 )
 from emla_cosim.stepper.library import require_stepper
 
-from ..verdict import NotRunError, quote
+from ..check import NotRunError, quote
 from .integration import RunEndedError
 
 if TYPE_CHECKING:

@@ -1,7 +1,13 @@
 """The experiment for dynamic checks: communication points, and inputs that vary within their ranges."""
 
+import hashlib
 import math
+import pickle
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +16,8 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.base.arrays import Vector
 
 from ..subject import Subject
+from .fresh_process import in_fresh_process
+from .hosted_instance import HostedInstance
 
 MOST_STEPS = 100
 """Most steps of one run. References reveal later problems."""
@@ -94,3 +102,170 @@ def parse_number(value: Any, otherwise: float) -> float:
     except (TypeError, ValueError):
         return otherwise
     return number if math.isfinite(number) else otherwise
+
+
+NUMERIC = ("Real", "Integer", "Boolean", "Enumeration")
+
+
+@dataclass(frozen=True)
+class OutputTrajectory:
+    """Values of outputs at communication points: a row for each of `times`, a column for each name.
+
+    It is shorter than its experiment if the FMU asked to end the run.
+    """
+
+    times: Vector
+    names: list[str]
+    values: Vector
+
+    def same(self, other: "OutputTrajectory") -> bool:
+        """Return whether both are bitwise equal."""
+        # NaN is the same as NaN here, but 0 is not -0
+        return self.values.tobytes() == other.values.tobytes()
+
+    def first_difference(self, other: "OutputTrajectory") -> tuple[str, float]:
+        """Return the name and time in s of the first value that is not bitwise equal."""
+        rows = min(len(self.times), len(other.times))
+        # bits of NaN are equal, although NaN is not
+        differs = self.values[:rows].view(np.int64) != other.values[:rows].view(np.int64)
+        if not differs.any():
+            return "the end of the run", float(self.times[rows - 1])
+        k = int(np.argmax(differs.any(axis=1)))
+        return self.names[int(np.argmax(differs[k]))], float(self.times[k])
+
+    def describe(self, wrong: "np.ndarray[Any, np.dtype[np.bool_]]") -> str:
+        """Return the first of the values that a mask selects: `x is nan at t = 1 s.`"""
+        k = int(np.argmax(wrong.any(axis=1)))
+        name, value = self.names[int(np.argmax(wrong[k]))], self.values[k][wrong[k]][0]
+        return f"{name} is {value} at t = {self.times[k]:.9g} s."
+
+    def until(self, rows: int) -> "OutputTrajectory":
+        """Return the first rows."""
+        return OutputTrajectory(self.times[:rows], self.names, self.values[:rows])
+
+    def distance(self, other: "OutputTrajectory") -> Vector:
+        """Return the largest difference of each output, relative to its range in both runs.
+
+        The distance of NaN to anything but NaN is infinite. So is that of runs of different length.
+        """
+        if len(self.times) != len(other.times):
+            return np.full(len(self.names), np.inf)
+        all_values = np.concatenate([self.values, other.values])
+        with np.errstate(invalid="ignore", over="ignore"):
+            finite_values = np.where(np.isfinite(all_values), all_values, 0.0)
+            # an output that hardly moves is scaled by its magnitude
+            scale = np.maximum(np.ptp(finite_values, axis=0), 1e-6 * np.abs(finite_values).max(axis=0))
+            deviation = np.abs(self.values - other.values)
+            deviation[self.values == other.values] = 0.0
+            deviation[np.isnan(self.values) & np.isnan(other.values)] = 0.0
+            deviation[np.isnan(deviation)] = np.inf
+            return deviation.max(axis=0) / np.where(scale > 0.0, scale, 1.0)
+
+
+def list_outputs(subject: Subject) -> list[str]:
+    """Names of all outputs that are numbers."""
+    variables = subject.description.modelVariables
+    return [v.name for v in variables if v.causality == "output" and v.type in NUMERIC]
+
+
+def run_instance(instance: HostedInstance, course: Experiment) -> OutputTrajectory:
+    """Initialize an instance with the first inputs and run it through an experiment."""
+    instance.initialize(course.at(0), float(course.times[0]), None)
+    return step_instance(instance, course)
+
+
+def step_instance(
+    instance: HostedInstance,
+    course: Experiment,
+    first: int = 0,
+    last: int | None = None,
+    names: list[str] | None = None,
+    until: float = math.inf,
+) -> OutputTrajectory:
+    """Step an instance from the communication point `first` to `last`; default: to the end.
+
+    `names` are the variables to read; default: all outputs. No step but the first begins after
+    `time.monotonic()` has reached `until`.
+    """
+    names = list_outputs(instance.subject) if names is None else names
+    rows: list[list[Any]] = [instance.get(names)]
+    steps = range(first, len(course.times) - 1 if last is None else last)
+    for k in steps if not instance.terminated else ():
+        instance.set(course.at(k))
+        instance.step(float(course.times[k]), course.step)
+        if instance.terminated:
+            break  # before the end of the step
+        rows.append(instance.get(names))
+        if time.monotonic() > until:
+            break
+    times = course.times[first : first + len(rows)]
+    return OutputTrajectory(times, names, np.array(rows, dtype=float).reshape(len(rows), len(names)))
+
+
+def run_alone(
+    subject: Subject, course: Experiment | None = None, kind: str | None = None
+) -> OutputTrajectory:
+    """Run an instance in its own process, or return the same run of an earlier check."""
+    course = course or make_experiment(subject)
+    kind = kind or subject.kinds[0]
+    if (trajectory := find_run(subject, course, kind)) is None:
+        trajectory = in_fresh_process(_run_completely, subject, course, kind)
+        keep_run(subject, course, kind, trajectory)
+    return trajectory
+
+
+def time_of_run(subject: Subject) -> float:
+    """Return when `run_alone` of the default experiment ended, in s since 1970."""
+    return _find_run_path(subject, make_experiment(subject), subject.kinds[0]).stat().st_mtime
+
+
+def find_run(subject: Subject, course: Experiment, name: str) -> OutputTrajectory | None:
+    """Return what `keep_run` kept; None if there is nothing."""
+    with suppress(OSError):
+        return pickle.loads(_find_run_path(subject, course, name).read_bytes())
+    return None
+
+
+def keep_run(subject: Subject, course: Experiment, name: str, trajectory: OutputTrajectory) -> None:
+    """Keep a run for later checks. The name is the kind if it is one that `run_alone` would do."""
+    path = _find_run_path(subject, course, name)
+    path.parent.mkdir(exist_ok=True)
+    part = path.with_suffix(".part")  # a check that is ended meanwhile leaves no half of it
+    part.write_bytes(pickle.dumps(trajectory))
+    part.replace(path)
+
+
+def _find_run_path(subject: Subject, course: Experiment, name: str) -> Path:
+    sum_ = hashlib.sha256(pickle.dumps((name, course)))
+    return subject.scratch / "runs" / sum_.hexdigest()
+
+
+def _run_completely(subject: Subject, course: Experiment, kind: str) -> OutputTrajectory:
+    return run_instance(HostedInstance(subject, kind=kind), course)
+
+
+def walk(
+    instance: HostedInstance,
+    times: Iterable[float],
+    step: float,
+    prepare: Callable[[int], object] = lambda _: None,
+) -> Iterator[int]:
+    """Step an instance from each of these times in s, and yield the number of steps that it has made.
+
+    `prepare` gets the number of a step, from 0, before it. The walk ends early if the FMU asks for it.
+    """
+    for k, start in enumerate(times):
+        prepare(k)
+        instance.step(float(start), step)
+        if instance.terminated:
+            return
+        yield k + 1
+
+
+def take_in_time(items: Iterable[Any], seconds: float) -> Iterator[Any]:
+    """Yield items until a time in s has passed, counted from the first one: a slow FMU is not a fault."""
+    until = time.monotonic() + seconds
+    for item in items:
+        if time.monotonic() > until:
+            return
+        yield item

@@ -16,9 +16,9 @@ from emla_cosim.fmu.instance import DISCARD, ERROR, FINE, OK, PENDING, STATUS, W
 from emla_cosim.fmu.loaded_library import find_left_exception
 from emla_cosim.fmu.log import LogLine
 
+from ..check import LEAVES_EXCEPTION, Clause, NotRunError, describe_exception
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import LEAVES_EXCEPTION, Clause, NotRunError, describe_exception
 from .arrays import Arrays, ElementDependency, set_elements
 from .event_mode import NO_EARLY_RETURN, EventState, HostedEvents
 from .integration import EndlessEventError, HostedIntegration, HostedModel, IntegrationError, RunEndedError

@@ -22,7 +22,7 @@ from emla_cosim.base.values import convert_value
 from emla_cosim.fmu.elements import number_range
 from emla_cosim.fmu.interface import Interface
 
-from ..host.instance_runs import NUMERIC
+from ..host.experiment import NUMERIC
 
 OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
 """Entries of `_ref.opt` for the run, all in s. A step of 0 means that the solver chooses it."""

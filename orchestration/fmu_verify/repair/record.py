@@ -7,7 +7,7 @@ from typing import Any
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ..catalogue import CHECKS
-from ..verdict import Clause
+from ..check import Clause
 
 TOOL = "EMLA-Cosim"
 """The tool that FMI 2.0 names in VendorAnnotations."""

@@ -20,13 +20,19 @@ from emla_cosim.fmu.document import DESCRIPTION, TERMINALS
 
 from ..c_sources import BUILD_DESCRIPTION
 from ..catalogue import STATIC
+from ..check import Verdict
 from ..checks.description import find_schema_problems
 from ..findings import Examined, Finding
 from ..runner import verify
 from ..subject import Subject
-from ..verdict import Verdict
-from .attribute_rules import find_libraries, mend_annotations, mend_attributes, mend_guid, mend_identifier
-from .encoding_rules import mend_encoding
+from .attribute_rules import (
+    find_libraries,
+    mend_annotations,
+    mend_attributes,
+    mend_encoding,
+    mend_guid,
+    mend_identifier,
+)
 from .record import Change, write_record
 from .structure_rules import mend_structure
 

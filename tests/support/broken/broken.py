@@ -8,8 +8,8 @@ from pathlib import Path
 
 import fmpy
 
+from fmu_verify.check import Verdict
 from fmu_verify.settings import Settings
-from fmu_verify.verdict import Verdict
 from fmublock.archive import write_archive
 
 

@@ -14,15 +14,14 @@ import pytest
 from emla_cosim.fmu.file import unpack
 from fmu_verify import check_runner
 from fmu_verify.catalogue import CHECKS, DYNAMIC
-from fmu_verify.check import Check
+from fmu_verify.check import Check, CheckOutcome, Verdict, failed
 from fmu_verify.check_runner import CheckRunner, do_check
+from fmu_verify.confinement import list_writable
 from fmu_verify.examination import examine_fmu
 from fmu_verify.findings import Examined
-from fmu_verify.scratch import list_writable
 from fmu_verify.settings import Settings
 from fmu_verify.subject import Subject
 from fmu_verify.subprocess_run import ERROR_OF_CHECK, CheckProcess
-from fmu_verify.verdict import CheckOutcome, Verdict, failed
 
 CALLING = frozenset(c.name for c in CHECKS if c in DYNAMIC or c.group == "binaries")
 """Checks that load the library or call it."""

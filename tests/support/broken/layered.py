@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from fmu_verify.verdict import Verdict
+from fmu_verify.check import Verdict
 from tests.support.broken.broken import Broken
 from tests.support.broken.editing import DESCRIPTION, Build, Files, with_files
 

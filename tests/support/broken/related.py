@@ -8,10 +8,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from emla_cosim.fmu.parameters.parameter_sets import ParameterSet, SsvParameter, format_parameter_set
-from fmu_verify.host.experiment import make_experiment
+from fmu_verify.check import Verdict
+from fmu_verify.host.experiment import make_experiment, step_instance
 from fmu_verify.host.hosted_instance import HostedInstance
-from fmu_verify.host.instance_runs import step_instance
-from fmu_verify.verdict import Verdict
 from fmublock.recipe import RELATED, RELATED_LIST
 from tests.support.broken.broken import Broken, name_fault
 from tests.support.broken.dynamic import build_good_fmu

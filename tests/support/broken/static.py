@@ -7,7 +7,7 @@ from pathlib import Path
 
 import fmpy
 
-from fmu_verify.verdict import Verdict
+from fmu_verify.check import Verdict
 from tests.support.broken.broken import Broken
 from tests.support.broken.editing import (
     DESCRIPTION,

@@ -6,7 +6,7 @@
 import csv
 import io
 
-from fmu_verify.verdict import Verdict
+from fmu_verify.check import Verdict
 from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import DYNAMIC
 from tests.support.broken.layered import LAYERED

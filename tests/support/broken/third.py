@@ -12,7 +12,7 @@ from pathlib import Path
 import fmpy
 from lxml import etree
 
-from fmu_verify.verdict import Verdict
+from fmu_verify.check import Verdict
 from tests.support.broken.broken import Broken, read_faults
 from tests.support.broken.editing import (
     Build,

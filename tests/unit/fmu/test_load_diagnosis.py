@@ -18,7 +18,7 @@ from emla_cosim.fmu.load_diagnosis import (
     find_system_with_glibc,
     find_version_of_gcc,
 )
-from fmu_verify.verdict import Verdict
+from fmu_verify.check import Verdict
 from fmublock.archive import write_archive
 from tests.support.faulty_systems import faulty, open_system, wired
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
+from fmu_verify.check import failed, passed, skipped, warned
 from fmu_verify.findings import Examined
 from fmu_verify.report import Report
-from fmu_verify.verdict import failed, passed, skipped, warned
 from tests.support.reports import examined, finding, ordinary, report
 
 GOOD = examined(

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from fmu_verify.catalogue import CHECKS
+from fmu_verify.check import Verdict
 from fmu_verify.findings import Examined, Finding
 from fmu_verify.settings import Settings
-from fmu_verify.verdict import Verdict
 from tests.support.broken.asking import examined_all
 from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import build_good_fmu

@@ -8,7 +8,7 @@ import pytest
 from lxml import etree
 
 from fmu_verify.catalogue import STATIC
-from fmu_verify.verdict import Verdict
+from fmu_verify.check import Verdict
 from tests.support.broken.editing import (
     DESCRIPTION,
     Build,

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 import emla_cosim as ec
 from emla_cosim.cli.app import app
 from emla_cosim.fmu.models import MODELS
+from fmu_verify.check import Verdict
 from fmu_verify.settings import Settings
-from fmu_verify.verdict import Verdict
 from tests.support.broken.editing import Build, good_bytes, setting, with_text
 from tests.support.broken.examining import examine
 from tests.support.c_programs import needs_cc

@@ -10,12 +10,11 @@ import pytest
 import fmublock
 from emla_cosim.fmu.instance import FATAL
 from fmu_verify import check_runner
-from fmu_verify.check import check
-from fmu_verify.checks import behavior, calls, logs, sharing, typed_values, values
+from fmu_verify.check import RETURNS, CheckOutcome, Clause, Verdict, check
+from fmu_verify.checks import behavior, calls, logs, typed_values, values
 from fmu_verify.host.fresh_process import in_fresh_process
 from fmu_verify.host.hosted_instance import CallError, HostedInstance
 from fmu_verify.subject import Subject
-from fmu_verify.verdict import RETURNS, CheckOutcome, Clause, Verdict
 from fmublock import Block, State
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.examining import unpacked
@@ -51,9 +50,9 @@ def test_values_that_the_fmu_rejects_are_left_out(tmp_path: Path, monkeypatch: M
         return [in_fresh_process(do, subject, dict(list(changes.items())[:2]))]
 
     monkeypatch.setattr(values, "run_where_accepted", accept_two)
-    monkeypatch.setattr(sharing, "run_where_accepted", accept_two)
+    monkeypatch.setattr(values, "run_where_accepted", accept_two)
     subject = unpacked(build_wide_fmu(tmp_path))
-    for check_ in (values.kept, values.reset, sharing.shared):
+    for check_ in (values.kept, values.reset, values.shared):
         outcome = check_.examine(subject)
         assert outcome.verdict == Verdict.PASSED
         assert outcome.gaps == ("Only 2 of 15 parameters and inputs were judged with other values.",)

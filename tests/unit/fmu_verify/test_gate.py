@@ -10,9 +10,9 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.fmu.models import build
+from fmu_verify.check import Verdict
 from fmu_verify.libraries import list_exports
 from fmu_verify.settings import Settings
-from fmu_verify.verdict import Verdict
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.editing import Build, Files, good_bytes, setting, with_files, with_text
 from tests.support.broken.examining import examine

@@ -16,17 +16,23 @@ from scipy.linalg import expm
 
 from emla_cosim.base.crash_page import read_note
 from emla_cosim.fmu.elements import ElementVariable
+from fmu_verify.check import Verdict
 from fmu_verify.checks._sameness import compare_runs
 from fmu_verify.examination import examine_fmu
-from fmu_verify.host.experiment import Experiment, make_experiment, read_span
+from fmu_verify.host.experiment import (
+    Experiment,
+    OutputTrajectory,
+    make_experiment,
+    read_span,
+    run_alone,
+    step_instance,
+)
 from fmu_verify.host.fresh_process import in_fresh_process
 from fmu_verify.host.hosted_instance import CallError, HostedInstance
-from fmu_verify.host.instance_runs import OutputTrajectory, run_alone, step_instance
-from fmu_verify.host.junk import BYTE, fill_memory
 from fmu_verify.host.other_values import choose_other
+from fmu_verify.host.process_state import BYTE, fill_memory
 from fmu_verify.settings import Settings
 from fmu_verify.subject import Subject
-from fmu_verify.verdict import Verdict
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.editing import setting
 from tests.support.broken.examining import examine, list_problems, unpacked

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fmu_verify.catalogue import STATIC
-from fmu_verify.verdict import Verdict
+from fmu_verify.check import Verdict
 from tests.support.broken.editing import (
     DESCRIPTION,
     Build,

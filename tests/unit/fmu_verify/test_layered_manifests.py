@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from fmu_verify.verdict import Verdict
+from fmu_verify.check import Verdict
 from tests.support.broken.editing import with_files
 from tests.support.broken.examining import examine
 from tests.support.broken.layered import with_manifest, write_terminal

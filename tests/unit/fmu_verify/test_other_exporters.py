@@ -7,7 +7,7 @@ from fmu_manipulation_toolbox.assembly import AssemblyNode
 from pythonfmu import FmuBuilder
 
 from fmu_verify.catalogue import STATIC
-from fmu_verify.verdict import Verdict
+from fmu_verify.check import Verdict
 from tests.support.broken.editing import good_bytes
 from tests.support.broken.examining import examine
 from tests.support.hand_written_fmus import build_faulty_fmu, build_handwritten_fmu

@@ -13,9 +13,9 @@ from emla_cosim.pages.comparisons import build_comparison_rows
 from emla_cosim.pages.page import Plots
 from emla_cosim.pages.panels import Band, Limit, Line, Plot, condense_curves
 from emla_cosim.pages.text import format_number, make_visible, shorten_text
+from fmu_verify.check import passed
 from fmu_verify.page import render
 from fmu_verify.report import Report
-from fmu_verify.verdict import passed
 from tests.support.reports import comparison, examined, finding, hostile, ordinary, report, ten
 
 XHTML = "{http://www.w3.org/1999/xhtml}"

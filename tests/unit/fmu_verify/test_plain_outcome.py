@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from emla_cosim.base.tolerances import Comparison, Tube
+from fmu_verify.check import RETURNS, CheckOutcome, Verdict, failed, passed
 from fmu_verify.subprocess_run import CheckProcess, read_outcome, write_outcome
-from fmu_verify.verdict import RETURNS, CheckOutcome, Verdict, failed, passed
 
 
 def test_outcome_survives_writing_and_reading() -> None:

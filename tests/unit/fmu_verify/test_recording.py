@@ -13,11 +13,11 @@ import pytest
 from fmpy.util import read_csv
 
 import emla_cosim as ec
+from fmu_verify.check import Verdict
 from fmu_verify.findings import Finding
-from fmu_verify.references.excitation import SHAPES, excite_inputs
-from fmu_verify.references.playback import sample_inputs
+from fmu_verify.references.judgment import sample_inputs
+from fmu_verify.references.recording import SHAPES, excite_inputs
 from fmu_verify.settings import Settings
-from fmu_verify.verdict import Verdict
 from fmublock import Block, DefaultExperiment, Input, Output, Parameter, build
 from tests.support.broken.examining import examine
 from tests.support.commands import Emla, sentence

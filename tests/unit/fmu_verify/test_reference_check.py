@@ -9,10 +9,10 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
+from fmu_verify.check import Verdict
 from fmu_verify.findings import Finding
 from fmu_verify.references.reference_files import find_solution, read_reference
 from fmu_verify.settings import Settings
-from fmu_verify.verdict import Verdict
 from tests.support.broken.examining import examine
 from tests.support.broken.related import EXPERIMENTS, build_with_related, experiment
 from tests.support.paths import ROOT

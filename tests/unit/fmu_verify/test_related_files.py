@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 import emla_cosim as ec
+from fmu_verify.check import Verdict
 from fmu_verify.findings import Finding
 from fmu_verify.settings import Settings
-from fmu_verify.verdict import Verdict
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.examining import examine
 from tests.support.broken.related import (

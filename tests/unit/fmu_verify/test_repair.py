@@ -10,11 +10,11 @@ import pytest
 from lxml import etree
 
 import emla_cosim as ec
+from fmu_verify.check import Verdict
 from fmu_verify.checks.description import find_schema_problems
 from fmu_verify.repair import repairing
-from fmu_verify.repair.encoding_rules import mend_encoding
+from fmu_verify.repair.attribute_rules import mend_encoding
 from fmu_verify.repair.repairing import Repair, repair
-from fmu_verify.verdict import Verdict
 from tests.support.broken.editing import (
     DESCRIPTION,
     Files,

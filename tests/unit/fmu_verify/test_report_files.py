@@ -11,9 +11,9 @@ import pytest
 from lxml import etree
 
 from emla_cosim.base.errors import CommandError
+from fmu_verify.check import passed
 from fmu_verify.explanation import shorten_names
 from fmu_verify.report import Report
-from fmu_verify.verdict import passed
 from tests.support.reports import CLAUSE, STARTED, examined, finding, hostile, ordinary, report
 
 SAVE: dict[str, Callable[..., None]] = {

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from fmu_verify.check import Verdict
 from fmu_verify.checks import sanitizer
 from fmu_verify.sanitizer import compiling, run
-from fmu_verify.sanitizer.reports import Leak, read_leaks, read_memory_error, read_undefined
+from fmu_verify.sanitizer.run import Leak, read_leaks, read_memory_error, read_undefined
 from fmu_verify.settings import Settings
 from fmu_verify.subject import Subject
-from fmu_verify.verdict import Verdict
 from tests.support.broken.examining import unpacked
 from tests.support.broken.memory import build_memory_fmu
 

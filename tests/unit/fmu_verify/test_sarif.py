@@ -9,10 +9,10 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from fmu_verify import sarif
+from fmu_verify.check import failed, noted, passed, skipped, warned
 from fmu_verify.checks import archive, derivatives
 from fmu_verify.findings import Examined
 from fmu_verify.report import Report
-from fmu_verify.verdict import failed, noted, passed, skipped, warned
 from tests.support.reports import STARTED, examined, finding, hostile, ordinary, report, ten
 
 

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from markdown_it import MarkdownIt
 
+from fmu_verify.check import Verdict, failed
 from fmu_verify.ci_summary import format_ci_summary
-from fmu_verify.verdict import Verdict, failed
 from tests.support.reports import examined, finding, ordinary, report
 
 

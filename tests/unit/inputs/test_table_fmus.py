@@ -10,7 +10,7 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.inputs.wired_inputs import build_data_fmu
-from fmu_verify.verdict import Verdict
+from fmu_verify.check import Verdict
 from fmublock.platforms import host_platform
 from tests.support.commands import Emla, sentence
 

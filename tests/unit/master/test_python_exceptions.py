@@ -12,7 +12,7 @@ from emla_cosim.fmu.loaded_library import REMEDY
 from emla_cosim.run.result import Result
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, System
-from fmu_verify.verdict import LEAVES_EXCEPTION, Verdict
+from fmu_verify.check import LEAVES_EXCEPTION, Verdict
 from tests.support.broken.examining import examine
 from tests.support.faulty_systems import faulty, wired
 from tests.support.hand_written_fmus import FMI_3, build_faulty_fmu

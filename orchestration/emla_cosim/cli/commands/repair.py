@@ -9,9 +9,9 @@ from typing import Any
 
 from rich.markup import escape
 
+from fmu_verify.check import Verdict
 from fmu_verify.repair.record import Change
 from fmu_verify.repair.repairing import Repair, is_repaired, repair
-from fmu_verify.verdict import Verdict
 
 from ...base.errors import CommandError, CosimError
 from ...base.files import check_output_files

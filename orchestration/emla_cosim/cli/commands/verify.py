@@ -10,13 +10,13 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from fmu_verify.catalogue import CHECKS
+from fmu_verify.check import Verdict
 from fmu_verify.explanation import format_command
 from fmu_verify.findings import Examined
-from fmu_verify.references.excitation import SHAPES
+from fmu_verify.references.recording import SHAPES
 from fmu_verify.report import Report
 from fmu_verify.report_files import REPORT_FILES
 from fmu_verify.settings import Recording, Settings
-from fmu_verify.verdict import Verdict
 
 from ...base.errors import CommandError, CosimError, check_choice
 from ...base.extras import has_extra, require_extra
