@@ -6,9 +6,8 @@ from typing import TypeVar
 import numpy as np
 
 from ..spline import Spline
-from .grid import lobatto
+from .grid import least_cost, lobatto
 from .problem import MotionProblem, Numbers
-from .stage import least_cost
 from .surroundings import Approach, Axis, Points, base_approach, ground_approach
 from .transcription import bound_width
 

@@ -12,9 +12,8 @@ from emla_cosim.analyses.trajectory.problem import paper_problem
 from machine_fmu.optimisation.assessment import Assessment, assessed
 from machine_fmu.optimisation.contradictions import find_contradictions
 from machine_fmu.optimisation.grid import SplineBasis, lobatto
-from machine_fmu.optimisation.narrowing import narrowed
 from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
-from machine_fmu.optimisation.solving import NoMotionError, Solution, detour, solved
+from machine_fmu.optimisation.solving import NoMotionError, Solution, detour, narrowed, solved
 from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline import Spline, default_spline
 from tests.support.reference_manipulator import LAGRANGIAN

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from emla_cosim.analyses.trajectory.problem import paper_problem
 from machine_fmu.optimisation.assessment import BODY, GROUND, assessed, measure_clearances
 from machine_fmu.optimisation.contradictions import find_contradictions
-from machine_fmu.optimisation.narrowing import narrowed
 from machine_fmu.optimisation.problem import MotionProblem
-from machine_fmu.optimisation.solving import NoMotionError, solved
+from machine_fmu.optimisation.solving import NoMotionError, narrowed, solved
 from machine_fmu.optimisation.surroundings import base_approach, ground_approach
 from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline import Spline

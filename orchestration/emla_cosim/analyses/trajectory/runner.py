@@ -6,9 +6,8 @@ from typing import Any
 
 from machine_fmu.optimisation.assessment import Assessment, assessed
 from machine_fmu.optimisation.contradictions import find_contradictions
-from machine_fmu.optimisation.narrowing import narrowed
 from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
-from machine_fmu.optimisation.solving import MAX_ITERATIONS, NoMotionError, Solution, detour, solved
+from machine_fmu.optimisation.solving import MAX_ITERATIONS, NoMotionError, Solution, detour, narrowed, solved
 from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline_window import COEFFICIENTS
 
