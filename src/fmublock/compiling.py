@@ -17,7 +17,7 @@ from pathlib import Path
 from . import instance
 from .cache import tool_environment
 from .errors import BuildError
-from .leftovers import mark_of_process
+from .files import mark_of_process
 from .platforms import FMI_VERSIONS, TARGETS, binaries_folder, zig_target
 
 _FLAGS = [
@@ -127,7 +127,7 @@ def _compile(
         # mathematics are part of the C runtime of Windows
         libraries = [] if fmi_platform == "win64" else ["-lm"]
         libraries += ["-ldl"] if loads and "linux" in fmi_platform else []
-        command = [sys.executable, "-m", "fmublock.compiler_process", str(os.getpid())]
+        command = [sys.executable, "-m", "fmublock.compiling", str(os.getpid())]
         command += [sys.executable, "-m", "ziglang", "cc", "-target", target, "-shared", *_FLAGS]
         command += ["-I", str(headers), *mains, "-o", output, *libraries]
         environment = {**os.environ, **tool_environment()}
@@ -186,3 +186,23 @@ def c_text(text: str) -> str:
     escaped = {'"': '\\"', "\\": "\\\\", "?": "\\?"}  # two question marks can begin a trigraph
     plain = (escaped.get(chr(b), chr(b) if 32 <= b < 127 else f"\\{b:03o}") for b in text.encode("utf-8"))
     return f'"{"".join(plain)}"'
+
+
+_CHECK_INTERVAL = 0.2
+"""Seconds between two checks that the parent is alive."""
+
+
+def main() -> None:
+    """Run the command, and exit with its exit code."""
+    parent, *command = sys.argv[1:]
+    with subprocess.Popen(command) as compiler:
+        while os.name == "nt" or os.getppid() == int(parent):
+            try:
+                sys.exit(compiler.wait(_CHECK_INTERVAL))
+            except subprocess.TimeoutExpired:
+                continue
+        os.killpg(0, signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    main()

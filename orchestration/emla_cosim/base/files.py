@@ -13,11 +13,10 @@ from pathlib import Path
 
 from fmublock.cache import CacheError as CacheError
 from fmublock.cache import cache_folder as cache_folder
-from fmublock.files import UNFINISHED, NotAFileError, real_place
+from fmublock.files import MARK, UNFINISHED, NotAFileError, make_temporary_folder, real_place, remove_folder
+from fmublock.files import is_left as is_left
+from fmublock.files import mark_of_process as mark_of_process
 from fmublock.files import write_atomically as write_atomically
-from fmublock.leftovers import MARK, make_temporary_folder, remove_folder
-from fmublock.leftovers import is_left as is_left
-from fmublock.leftovers import mark_of_process as mark_of_process
 
 from .errors import CommandError, RunError
 

@@ -13,7 +13,7 @@ from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
-from fmublock.leftovers import remove_leftovers
+from fmublock.files import remove_leftovers
 
 from ..base.interruption import POLITE, ignore_interrupts, on_interrupt
 

@@ -14,7 +14,7 @@ import time
 import traceback
 from collections.abc import Callable
 
-from fmublock.leftovers import make_temporary_folder, remove_folder
+from fmublock.files import make_temporary_folder, remove_folder
 
 from ..base.crash_page import CrashPageFile, current_activity, list_busy_activities, share_file
 from ..base.interruption import POLITE, ignore_interrupts, is_repeated_request

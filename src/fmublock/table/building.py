@@ -16,9 +16,8 @@ from ..files import write_atomically
 from ..fmi3_description import build_description
 from ..platforms import TARGETS, host_platform
 from ..recipe import Producer, describe_producer
-from .content import MODEL, SPANS, TableColumn, TableContent, TableOutput
+from .content import MODEL, SPANS, TableColumn, TableContent, TableOutput, pack_table
 from .description import table_description
-from .layout import pack_table
 
 _MAINS = {2: "fmi2_table.c", 3: "fmi3_table.c"}
 """The C file to compile, by version of FMI."""

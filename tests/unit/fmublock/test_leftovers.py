@@ -11,13 +11,19 @@ from pathlib import Path
 import psutil
 import pytest
 
-from fmublock import leftovers
-from fmublock.files import UNFINISHED, write_atomically
-from fmublock.leftovers import make_temporary_folder, mark_of_process, remove_folder, remove_leftovers
+from fmublock import files
+from fmublock.files import (
+    UNFINISHED,
+    make_temporary_folder,
+    mark_of_process,
+    remove_folder,
+    remove_leftovers,
+    write_atomically,
+)
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="The system has no `/proc`.")
 
-PRINT_MARK = "from fmublock.leftovers import mark_of_process; print(mark_of_process())"
+PRINT_MARK = "from fmublock.files import mark_of_process; print(mark_of_process())"
 
 
 @pytest.fixture
@@ -85,8 +91,8 @@ def test_links_in_a_folder_are_removed_and_not_followed(
     outside = tmp_path / "outside"
     outside.mkdir()
     (outside / "thesis").write_text("years of work")
-    for rmtree in (leftovers.shutil.rmtree, lambda *arguments, **how: None):  # as with too few open files
-        monkeypatch.setattr(leftovers.shutil, "rmtree", rmtree)
+    for rmtree in (files.shutil.rmtree, lambda *arguments, **how: None):  # as with too few open files
+        monkeypatch.setattr(files.shutil, "rmtree", rmtree)
         folder = tmp_path / "folder"
         (folder / "a/b").mkdir(parents=True)
         (folder / "a/b/file").touch()
@@ -113,7 +119,7 @@ def test_compiler_ends_with_the_process_that_needs_it(tmp_path: Path) -> None:
     slow = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'import time; time.sleep(60)'])"
     code = (
         "import os, subprocess, sys\n"
-        "subprocess.Popen([sys.executable, '-m', 'fmublock.compiler_process', str(os.getpid()),"
+        "subprocess.Popen([sys.executable, '-m', 'fmublock.compiling', str(os.getpid()),"
         f" sys.executable, '-c', {slow!r}], process_group=0).wait()"
     )
     with subprocess.Popen([sys.executable, "-c", code]) as process:

@@ -156,7 +156,7 @@ def _make_plugin(key: str, required: str, files: Mapping[str, bytes], content: b
 
         def teardown(self, worker: Any) -> None:
             if hasattr(self, "host"):
-                from fmublock.leftovers import remove_folder
+                from fmublock.files import remove_folder
 
                 self.host.close()
                 remove_folder(self.folder)

@@ -17,7 +17,7 @@ from typing import Any
 import cloudpickle
 import polars
 
-from fmublock.leftovers import remove_folder
+from fmublock.files import remove_folder
 
 from ...base.channel import Channel
 from ...base.errors import CosimError, RunError
