@@ -192,10 +192,10 @@ class Option:
         """Return the type without the type `takes`."""
         if get_origin(self.type) is Mapping:
             name, of = get_args(self.type)
-            return Mapping[name, self._without_objects(of)]
-        return self._without_objects(self.type)
+            return Mapping[name, self._drop_objects(of)]
+        return self._drop_objects(self.type)
 
-    def _without_objects(self, of: Any) -> Any:
+    def _drop_objects(self, of: Any) -> Any:
         inner = get_args(of)
         if self.takes not in inner:
             return of
@@ -218,9 +218,9 @@ class Option:
             check_choice(self.noun, value, self.choices())
         bounded = math.isfinite(self.above) or math.isfinite(self.below)
         if bounded and isinstance(value, (int, float)) and not self.above < value < self.below:
-            raise CommandError(f"the {self.noun} {value:g} must be {self._range()}.", option=self.name)
+            raise CommandError(f"the {self.noun} {value:g} must be {self._format_range()}.", option=self.name)
 
-    def _range(self) -> str:
+    def _format_range(self) -> str:
         above, below = self.above, self.below
         if math.isinf(below):
             return "a positive number" if above == 0.0 else f"more than {above:g}"

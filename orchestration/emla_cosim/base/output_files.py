@@ -150,7 +150,7 @@ class OutputFile:
             return
         self.real_path = resolve_output_path(path, label, folder)
         try:
-            may_replace = self._may_replace()
+            may_replace = self._can_replace()
         except OSError as error:
             raise CommandError(f"{label} '{path}' cannot be read: {error.strerror or error}.") from error
         if not may_replace:
@@ -159,12 +159,12 @@ class OutputFile:
                 path=str(path),
             )
 
-    def _may_replace(self) -> bool:
+    def _can_replace(self) -> bool:
         return self._overwrite or is_new(self.real_path) or self._is_ours(self.real_path)
 
     def check_again(self, path: Path) -> None:
         """Raise NotAFileError if a file appeared that emla did not write; for `write_atomically`."""
-        if not self._may_replace():
+        if not self._can_replace():
             raise NotAFileError(0, f"'{path.name}' appeared while emla ran, and emla did not write it")
 
     @contextmanager

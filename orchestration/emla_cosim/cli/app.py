@@ -202,7 +202,7 @@ def _show_completion(emla: click.Command) -> str:
     return script(emla)
 
 
-def _action(flag: str, help: str, action: Callable[[click.Command], str]) -> click.Option:
+def _make_action(flag: str, help: str, action: Callable[[click.Command], str]) -> click.Option:
     """Return an option that prints a text in place of running a command."""
 
     def call(ctx: click.Context, parameter: click.Parameter, is_set: bool) -> None:
@@ -224,13 +224,15 @@ app = _Commands(
     no_args_is_help=True,
     help="Co-simulate electromechanical linear actuators as FMUs.",
     params=[
-        _action("--version", "Show the version and exit.", _show_version),
+        _make_action("--version", "Show the version and exit.", _show_version),
         click.Option(["--quiet", "-q"], is_flag=True, help="Show only errors. Can also follow the command."),
-        _action(
+        _make_action(
             "--install-completion",
             "Install completion of commands, options and names for your shell.",
             _install_completion,
         ),
-        _action("--show-completion", "Show the script that --install-completion installs.", _show_completion),
+        _make_action(
+            "--show-completion", "Show the script that --install-completion installs.", _show_completion
+        ),
     ],
 )

@@ -87,14 +87,14 @@ def _run_watched(run: Callable[[], None], parent: int) -> None:
         raise
     except Exception as error:  # the state is unknown; even a normal exit of Python may fail
         # without memory even SystemExit fails, and the parent reports that
-        if not (current_activity().ended or _needs_memory(error)):
+        if not (current_activity().ended or _is_out_of_memory(error)):
             with contextlib.suppress(Exception):
                 traceback.print_exc()
         os._exit(1)
     current_activity().ended = 1
 
 
-def _needs_memory(error: BaseException | None) -> bool:
+def _is_out_of_memory(error: BaseException | None) -> bool:
     """Return whether an exception was raised because there was no memory."""
     while error is not None and not isinstance(error, MemoryError):
         error = error.__cause__ or error.__context__
@@ -129,7 +129,7 @@ class _Supervision:
             if select.select([reader], [], [], _CHECK_INTERVAL)[0]:
                 for number in os.read(reader, 64):
                     self._pass_on(number)
-            self._look()
+            self._inspect_child()
 
     def _pass_on(self, number: int) -> None:
         if number not in POLITE:
@@ -138,7 +138,7 @@ class _Supervision:
             self._requests, self._requested = self._requests + 1, time.monotonic()
         os.kill(self._child, number)
 
-    def _look(self) -> None:
+    def _inspect_child(self) -> None:
         """Look at what the child does."""
         now, calls = time.monotonic(), [bytes(activity) for activity in list_busy_activities()]
         if calls != self._calls:

@@ -118,16 +118,16 @@ _DOUBLE = _Number("a number", is_whole=False)
 _WHOLE_NUMBER = _Number("a whole number")
 
 
-def _between(low: int, high: int) -> _Number:
+def _make_range(low: int, high: int) -> _Number:
     return _Number(f"a whole number from {low} to {high}", low, high)
 
 
-_UNSIGNED = _between(0, 2**32 - 1)
+_UNSIGNED = _make_range(0, 2**32 - 1)
 _SIZE = _Number("a whole number, at least 0", 0)
 _BY_TYPE = {
     **dict.fromkeys(("Real", *FLOATS), _DOUBLE),
-    **{kind: _between(np.iinfo(kind.lower()).min, np.iinfo(kind.lower()).max) for kind in INTEGERS},
-    "Integer": _between(-(2**31), 2**31 - 1),
+    **{kind: _make_range(np.iinfo(kind.lower()).min, np.iinfo(kind.lower()).max) for kind in INTEGERS},
+    "Integer": _make_range(-(2**31), 2**31 - 1),
     "Enumeration": _WHOLE_NUMBER,
 }
 """What start values and limits must be, by the type of their variable."""

@@ -193,8 +193,8 @@ class Integrator(ABC, Generic[Model]):
 
     def _begin(self, time: float) -> None:
         """Forget everything about earlier runs; `time` in s."""
-        self._states, self._count = _offsets([m.state_count for m in self.members])
-        self._marks, self._indicators = _offsets([m.indicator_count for m in self.members])
+        self._states, self._count = _compute_offsets([m.state_count for m in self.members])
+        self._marks, self._indicators = _compute_offsets([m.indicator_count for m in self.members])
         self._time, self._next_event = time, math.inf
         self._is_discontinuous, self._is_interrupted = True, False
         self._tolerance = min(m.settings.tolerance for m in self.members)
@@ -219,11 +219,11 @@ class Integrator(ABC, Generic[Model]):
     def _advance(self, end: float) -> None:
         """Integrate to a time in s, with all events up to it."""
         events, last_event = 0, -math.inf
-        while not _reaches(self._time, end):
+        while not _has_reached(self._time, end):
             is_event, steps = False, 0
-            while not is_event and not _reaches(self._time, end):
+            while not is_event and not _has_reached(self._time, end):
                 # the step ends at a time event
-                target = self._next_event if _reaches(end, self._next_event) else end
+                target = self._next_event if _has_reached(end, self._next_event) else end
                 is_event = self._integrate(max(target, self._time))
                 is_event = is_event or self._time >= self._next_event
                 steps += 1
@@ -233,7 +233,7 @@ class Integrator(ABC, Generic[Model]):
                 self._enter_event_mode()
                 self._finish_event()
                 # an FMU that asks for one event after the other would stop the time
-                events = events + 1 if _reaches(last_event, self._time) else 0
+                events = events + 1 if _has_reached(last_event, self._time) else 0
                 last_event = self._time
                 if events > MAX_ITERATIONS:
                     raise self._make_integration_error(f"it has more than {MAX_ITERATIONS} events there.")
@@ -241,8 +241,8 @@ class Integrator(ABC, Generic[Model]):
     def _integrate(self, target: float) -> bool:
         """Do one step of the integrator to at most `target`; return whether an event follows."""
         is_event, self.refusal = False, None
-        if (self._count or self._indicators) and not _reaches(self._time, target):
-            solver = self._ready_solver()
+        if (self._count or self._indicators) and not _has_reached(self._time, target):
+            solver = self._prepare_solver()
             self._time, is_event = solver.step(target)
             if not np.isfinite(solver.states).all():
                 raise self._make_integration_error("a state became infinite or NaN.")
@@ -285,13 +285,13 @@ class Integrator(ABC, Generic[Model]):
             member.enter_continuous_time_mode()
         self._is_discontinuous = True
 
-    def _ready_solver(self) -> CVode:
+    def _prepare_solver(self) -> CVode:
         """Return the solver, which starts anew from the FMUs' states after a discontinuity."""
         solver, is_new = self._solver, self._solver is None
         if solver is None:
             # without states, CVode looks for events along one that stays at 0
             solver = self._solver = CVode(
-                max(self._count, 1), self._indicators, self._derive, self._indicate, self._method
+                max(self._count, 1), self._indicators, self._derive, self._compute_indicators, self._method
             )
         if self._is_discontinuous:
             share = RESTARTED if self._is_interrupted else SAFETY
@@ -325,7 +325,7 @@ class Integrator(ABC, Generic[Model]):
             return RECOVERABLE
         return 0
 
-    def _indicate(self, time: float, states: int, result: int) -> int:
+    def _compute_indicators(self, time: float, states: int, result: int) -> int:
         """Compute the event indicators for CVode."""
         try:
             self._set_states(time, states)
@@ -342,12 +342,12 @@ class Integrator(ABC, Generic[Model]):
             self._solver = None
 
 
-def _reaches(time: float, target: float) -> bool:
+def _has_reached(time: float, target: float) -> bool:
     """Whether a time is at or after another one, apart from rounding."""
     return time >= target or (target < math.inf and target - time <= CLOSE * max(abs(time), abs(target)))
 
 
-def _offsets(counts: Sequence[int]) -> tuple[list[int], int]:
+def _compute_offsets(counts: Sequence[int]) -> tuple[list[int], int]:
     """Return where the doubles of each member begin, in bytes, and how many doubles there are."""
     ends = [0, *accumulate(counts)]
     return [_BYTES * end for end in ends[:-1]], ends[-1]

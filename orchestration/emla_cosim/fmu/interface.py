@@ -380,14 +380,14 @@ def _read_faulty(path: Path, error: ValidationError, structure: Mapping[str, int
         raise CommandError(f"'{path}' is not a valid FMU: {fault}.") from error
     try:
         interface = read_description(path, validate=False, structure=structure)
-        problems = [_one_line(p) for p in (*error.problems, *_find_problems(interface.description))]
+        problems = [_join_lines(p) for p in (*error.problems, *_find_problems(interface.description))]
         _correct_booleans(interface.description)
         _check_numbers(interface)
     except MemoryError:
         raise
     except Exception as more:  # numbers and references that the schema would have found
         raise_machine_fault(more, f"'{path}'")
-        text = _one_line(error.problems[0]) if error.problems else "it has problems"
+        text = _join_lines(error.problems[0]) if error.problems else "it has problems"
         raise CommandError(f"'{path}' is not a valid FMU: {text} (`emla verify` shows more).") from more
     if is_version_3(interface.description):
         try:
@@ -537,5 +537,5 @@ def _read_binary_attributes(description: ModelDescription, path: Path) -> None:
             variable.most_bytes = None if most is None else int(most)
 
 
-def _one_line(problem: str) -> str:
+def _join_lines(problem: str) -> str:
     return " ".join(problem.split()).rstrip(".")

@@ -156,7 +156,7 @@ def diagnose_library(library: Path, error: BaseException) -> LoadFailure:
         library: The library.
         error: What ctypes or fmpy raised.
     """
-    text = _message(library, error)
+    text = _shorten_message(library, error)
     binary = _parse(library)
     # the most specific cause comes first: a library for another system lacks symbols, too
     rules = (
@@ -201,7 +201,7 @@ def describe_machine() -> str:
     return f"{_SYSTEMS.get(sys.platform, sys.platform)} on {_PROCESSORS.get(machine, machine)}"
 
 
-def _message(library: Path, error: BaseException) -> str:
+def _shorten_message(library: Path, error: BaseException) -> str:
     """Return the loader's message without the folder of the library, in one line."""
     text = str(error)
     text = text.removeprefix(f"Failed to load shared library {library}. ")

@@ -127,14 +127,14 @@ class LoadedLibrary:
         types |= _OF_BOTH_VERSIONS[file.kind]
         # some libraries lack functions that the model description promises
         if file.has_capability("providesDirectionalDerivative") and hasattr(
-            self._fmpy_object.dll, self._c_name(DERIVATIVE)
+            self._fmpy_object.dll, self._make_c_name(DERIVATIVE)
         ):
             derivative_types = version_3.DERIVATIVE_TYPES if self.is_version_3 else _DERIVATIVE_TYPES
             types = {**types, DERIVATIVE: derivative_types}
-        self.functions: Mapping[str, Any] = {n: self._function(n, t) for n, t in types.items()}
+        self.functions: Mapping[str, Any] = {n: self._bind_function(n, t) for n, t in types.items()}
         self.addresses = {n: ctypes.cast(f, _POINTER).value or 0 for n, f in self.functions.items()}
         if BOOLEAN_STATUS not in self.addresses:
-            status = getattr(self._fmpy_object.dll, self._c_name(BOOLEAN_STATUS), None)
+            status = getattr(self._fmpy_object.dll, self._make_c_name(BOOLEAN_STATUS), None)
             self.addresses[BOOLEAN_STATUS] = ctypes.cast(status, _POINTER).value or 0 if status else 0
         self._instance_count = 0
 
@@ -176,12 +176,12 @@ class LoadedLibrary:
             del self._libraries[self._path]
             self._fmpy_object.freeLibrary()
 
-    def _function(self, name: str, argument_types: tuple[Any, ...]) -> Any:
-        function = self._fmpy_object.dll[self._c_name(name)]
+    def _bind_function(self, name: str, argument_types: tuple[Any, ...]) -> Any:
+        function = self._fmpy_object.dll[self._make_c_name(name)]
         function.argtypes, function.restype = argument_types, ctypes.c_int
         return function
 
-    def _c_name(self, name: str) -> str:
+    def _make_c_name(self, name: str) -> str:
         return f"{self._prefix}{name[0].upper()}{name[1:]}"
 
 

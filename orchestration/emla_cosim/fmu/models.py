@@ -138,7 +138,9 @@ def build(
         check_disclosure(model, flavour, folder, disclosure or Disclosure(), fmi, clock)
     name = model_name(model)
     try:
-        return _build(_recipe(model, flavour, disclosure, fmi, clock), platforms, folder, advance, overwrite)
+        return _build(
+            _make_recipe(model, flavour, disclosure, fmi, clock), platforms, folder, advance, overwrite
+        )
     except BuildError as error:
         raise RunError(f"{name} could not be built: {error}") from error
     except OSError as error:
@@ -167,7 +169,7 @@ def check_disclosure(
         RunError: If the declarations of the block are wrong.
     """
     try:
-        _recipe(model, flavour, disclosure, fmi, clock)
+        _make_recipe(model, flavour, disclosure, fmi, clock)
     except BuildError as error:
         raise RunError(f"{model_name(model)} could not be built: {error}") from error
     is_other = disclosure != Disclosure() or fmi != 2
@@ -300,7 +302,7 @@ _REFERENCES = {
 """Role, type and description of the reference files of a model, by the end of their names."""
 
 
-def _recipe(
+def _make_recipe(
     model: str | type[Block],
     flavour: str,
     disclosure: Disclosure | None = None,
@@ -313,7 +315,9 @@ def _recipe(
             return Recipe.of(model, flavour, disclosure=disclosure, fmi=fmi, clock=clock)
         complete = disclosure is None or disclosure.has_sources
         documents = (
-            _documents(model, has_results=clock is None) if complete else Documents(license=license_text())
+            _list_documents(model, has_results=clock is None)
+            if complete
+            else Documents(license=license_text())
         )
         return Recipe.of(MODELS[model], flavour, producer("MIT"), documents, disclosure, fmi, clock)
     except (DisclosureError, VersionError) as error:
@@ -329,7 +333,7 @@ def producer(license_name: str | None = None) -> Producer:
     return Producer("EMLA-Cosim fmublock", version("emla-cosim"), license_name)
 
 
-def _documents(model: str, has_results: bool) -> Documents:
+def _list_documents(model: str, has_results: bool) -> Documents:
     """Return the documents of a model; its results are those of steps, not of the ticks of a clock."""
     folder = documents_root() / "fmus" / model
     related = [

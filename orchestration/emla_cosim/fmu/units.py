@@ -28,7 +28,7 @@ class FmuUnits:
     @cached_property
     def by_name(self) -> dict[str, SiUnit]:
         """Units by name."""
-        return {name: self._unit(name, d.baseUnit) for name, d in self._definitions.items()}
+        return {name: self._read_unit(name, d.baseUnit) for name, d in self._definitions.items()}
 
     @cached_property
     def everything(self) -> dict[str, SiUnit]:
@@ -42,12 +42,12 @@ class FmuUnits:
         precedence.
         """
         if name not in self._units:
-            unit = self.by_name.get(name) or self._unit(name, None)
+            unit = self.by_name.get(name) or self._read_unit(name, None)
             alternatives = self.everything | self._displayed.get(name, {})
             self._units[name] = replace(unit, alternatives=alternatives)
         return self._units[name]
 
-    def _unit(self, name: str, base: Any) -> SiUnit:
+    def _read_unit(self, name: str, base: Any) -> SiUnit:
         if base is None:
             return SiUnit(name, definer=self._definer)
         exponents = tuple(int(getattr(base, b)) for b in BASE_UNITS)

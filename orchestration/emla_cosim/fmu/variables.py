@@ -145,12 +145,12 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
 
 def format_value(variable: ModelVariable, value: Any) -> Any:
     """Return a value of a variable as users write it: the name of an item of an enumeration."""
-    names = {number: name for name, number in _items(variable).items()}
+    names = {number: name for name, number in _list_items(variable).items()}
     return names.get(value, value) if variable.type == "Enumeration" else value
 
 
 def _convert_enumeration(name: str, variable: ModelVariable, value: Any) -> int:
-    items = _items(variable)
+    items = _list_items(variable)
     if str(value) in items:
         return items[str(value)]
     text = str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
@@ -160,7 +160,7 @@ def _convert_enumeration(name: str, variable: ModelVariable, value: Any) -> int:
     raise CommandError(f"{name} = {value} is not one of {options}.")
 
 
-def _items(variable: ModelVariable) -> dict[str, int]:
+def _list_items(variable: ModelVariable) -> dict[str, int]:
     """Return the items of an enumeration by name."""
     declared = variable.declaredType.items if variable.declaredType is not None else []
     return {str(item.name): int(str(item.value)) for item in declared or []}

@@ -81,7 +81,7 @@ def read_clock(texts: polars.Series, label: str) -> tuple[Vector, str]:
         if not dated.all():
             row = int((~dated).arg_max() or 0)
             raise CommandError(f"{label} has no date in row {row + 1}, but in other rows.", row=row + 1)
-        days, order = _days(parts["date"], label)
+        days, order = _parse_days(parts["date"], label)
         moments = moments + days * _DAY
     else:
         # a smaller step back is a mistake in the data, which `read_times` reports
@@ -109,7 +109,7 @@ def seconds_from_first(column: polars.Series) -> tuple[Vector, str]:
     return (numbers - numbers[0]) / 1e9, meaning
 
 
-def _days(dates: polars.Series, label: str) -> tuple[np.ndarray, str]:
+def _parse_days(dates: polars.Series, label: str) -> tuple[np.ndarray, str]:
     """Return the days of dates, from any day, and the order of day and month if it was concluded.
 
     Raises:
@@ -199,15 +199,15 @@ def find_layout(content: bytes) -> CsvLayout | None:
     Args:
         content: UTF-8, with line ends of one character.
     """
-    lines = _first_lines(content)
+    lines = _read_first_lines(content)
     if not lines:
         return None
     for row in range(1, len(lines)):
         for delimiter in DELIMITERS:
             cells = _split(lines[row].text, delimiter)
             if len(cells) > 1 and _is_row(cells):
-                return _layout_above(lines, row, delimiter, cells) or _first_line_layout(lines)
-    return _first_line_layout(lines)
+                return _find_layout_above(lines, row, delimiter, cells) or _find_first_line_layout(lines)
+    return _find_first_line_layout(lines)
 
 
 def find_result_layout(content: bytes) -> CsvLayout | None:
@@ -218,8 +218,8 @@ def find_result_layout(content: bytes) -> CsvLayout | None:
     Args:
         content: Whole lines.
     """
-    lines = _first_lines(content) if content.startswith(b"time,") else []
-    names = _cells(lines[0].text, ",") if lines else []
+    lines = _read_first_lines(content) if content.startswith(b"time,") else []
+    names = _split_cells(lines[0].text, ",") if lines else []
     if len(names) < 2:
         return None
     first = _split(lines[1].text, ",") if len(lines) > 1 else ()
@@ -244,7 +244,7 @@ def bare_unit(cell: str) -> str:
     return cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
 
 
-def _first_line_layout(lines: Sequence[_Line]) -> CsvLayout:
+def _find_first_line_layout(lines: Sequence[_Line]) -> CsvLayout:
     """Return the layout of a text whose first line is the header."""
     header = lines[0].text
     delimiter = next((d for d in DELIMITERS if d in header), DELIMITERS[-1])
@@ -255,7 +255,9 @@ def _first_line_layout(lines: Sequence[_Line]) -> CsvLayout:
     return CsvLayout(names, units, rows[0] if rows else (), delimiter, end)
 
 
-def _layout_above(lines: Sequence[_Line], row: int, delimiter: str, first: Sequence[str]) -> CsvLayout | None:
+def _find_layout_above(
+    lines: Sequence[_Line], row: int, delimiter: str, first: Sequence[str]
+) -> CsvLayout | None:
     """Return the layout whose first row of numbers is this one; None if there is no header above it."""
     above = []
     while len(above) < row:
@@ -291,17 +293,17 @@ def _is_units(cells: Sequence[str]) -> bool:
 
 
 def _split(line: str, delimiter: str) -> list[str]:
-    return [cell.strip() for cell in _cells(line, delimiter, skips_blanks=True)]
+    return [cell.strip() for cell in _split_cells(line, delimiter, skips_blanks=True)]
 
 
-def _cells(line: str, delimiter: str, skips_blanks: bool = False) -> list[str]:
+def _split_cells(line: str, delimiter: str, skips_blanks: bool = False) -> list[str]:
     try:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=skips_blanks), [])
     except csv.Error:  # a cell of more than 128 KiB, or a line end without quotes
         return []
 
 
-def _first_lines(content: bytes) -> list[_Line]:
+def _read_first_lines(content: bytes) -> list[_Line]:
     """Return the first lines that are neither blank nor comments; a line break in quotes ends no line."""
     lines: list[_Line] = []
     begin = 0

@@ -135,7 +135,7 @@ class DataTable:
         if column.dtype == polars.String:
             column = column.str.strip_chars()
         if element is not None:
-            column = self._elements(position, column).list.get(element, null_on_oob=True)
+            column = self._parse_elements(position, column).list.get(element, null_on_oob=True)
         if column.dtype == polars.String and self._has_decimal_commas and not as_text:
             column = column.str.replace(*_DECIMAL_COMMA)
         return column
@@ -259,7 +259,7 @@ class DataTable:
                 return positions[0]
         return None
 
-    def _elements(self, position: int, column: polars.Series) -> polars.Series:
+    def _parse_elements(self, position: int, column: polars.Series) -> polars.Series:
         """Return lists of the elements in cells. Raise CommandError if a row has another number of them."""
         if column.dtype == polars.String:
             column = column.str.replace_all(r"\s+", " ").str.split(" ")
@@ -268,7 +268,7 @@ class DataTable:
         count = self._counts[self._sources[position][0]]
         differs = column.list.len().fill_null(0) != count
         if (row := differs.arg_max()) is not None and differs[row]:
-            raise self._wrong(
+            raise self._make_cell_error(
                 position, f"has {column.list.len()[row]} numbers in row {row + 1}, and {count} in row 1"
             )
         return column
@@ -278,11 +278,11 @@ class DataTable:
     ) -> Vector:
         """Return the cells of a column as numbers; raise CommandError as `numbers`."""
         if not (column.dtype.is_numeric() or column.dtype in (polars.String, polars.Null)):
-            raise self._wrong(position, f"is of the type {column.dtype}; it must be of numbers")
+            raise self._make_cell_error(position, f"is of the type {column.dtype}; it must be of numbers")
         try:
             numbers = column.cast(polars.Float64, strict=False)
         except polars.exceptions.PolarsError as error:
-            raise self._wrong(position, "cannot be read as numbers") from error
+            raise self._make_cell_error(position, "cannot be read as numbers") from error
         bad = numbers.is_null() | (~numbers.is_finite()).fill_null(True)
         if has_gaps:
             bad = numbers.is_null() & ~(column.is_null() | (column.cast(polars.String) == "").fill_null(True))
@@ -325,5 +325,5 @@ class DataTable:
         suggestions = suggest_names(name, [h.name for h in self.headers], f"it has {self.join_names()}.")
         return CommandError(f"{self.label} has no column '{name}'; {suggestions}", name=name)
 
-    def _wrong(self, position: int, problem: str) -> CommandError:
+    def _make_cell_error(self, position: int, problem: str) -> CommandError:
         return CommandError(f"the column '{self.headers[position].text}' of {self.label} {problem}.")

@@ -45,10 +45,10 @@ def table_endings() -> tuple[str, ...]:
 
 def is_data(text: str) -> bool:
     """Return whether a text is an input with a file of data, such as `data.csv:interpolation=held`."""
-    return _parts(text.strip()) is not None
+    return _split_parts(text.strip()) is not None
 
 
-def _parts(text: str) -> re.Match[str] | None:
+def _split_parts(text: str) -> re.Match[str] | None:
     """Match the file of an input and the text after it."""
     endings = "|".join(map(re.escape, table_endings()))
     return re.fullmatch(rf"(?P<file>.+?(?:{endings}))(?::(?P<rest>.*))?", text, re.IGNORECASE | re.DOTALL)
@@ -157,7 +157,7 @@ class Input(FileOrObject):
         Raises:
             CommandError: the text cannot be read.
         """
-        match = _parts(text.strip())
+        match = _split_parts(text.strip())
         if match is None or not match["rest"]:
             return cls(Path(match["file"] if match is not None else text.strip()))
         settings = dict[str, str]()
@@ -212,7 +212,7 @@ class Input(FileOrObject):
         if self.file is None:
             return False
         read = Input.of_text(str(self))
-        return (read.file, read._settings_text()) == (self.file, self._settings_text())
+        return (read.file, read._format_settings()) == (self.file, self._format_settings())
 
     def __str__(self) -> str:
         settings = {name: getattr(self, name) for name in _SETTINGS}
@@ -223,14 +223,14 @@ class Input(FileOrObject):
     def record(self) -> dict[str, Any]:
         """Return the entry of run.json, with the SHA-256 of the file; None if it cannot be read."""
         if self.file is None:
-            return {"data": "given in Python", **self._settings_text()}
-        return {"file": str(self.file), "sha256": hash_if_readable(self.file), **self._settings_text()}
+            return {"data": "given in Python", **self._format_settings()}
+        return {"file": str(self.file), "sha256": hash_if_readable(self.file), **self._format_settings()}
 
     def repeatable(self) -> dict[str, Any] | None:
         """Return the value of the option that repeats the input; None for data in Python."""
-        return None if self.file is None else {"file": str(self.file), **self._settings_text()}
+        return None if self.file is None else {"file": str(self.file), **self._format_settings()}
 
-    def _settings_text(self) -> dict[str, Any]:
+    def _format_settings(self) -> dict[str, Any]:
         """Return its settings, without the data."""
         signals = {s: str(c) for s, c in self.signals.items()}
         settings = {n: getattr(self, n) for n in _SETTINGS if n != "shift" or self.shift is not None}

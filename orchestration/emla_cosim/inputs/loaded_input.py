@@ -25,12 +25,12 @@ def read_data(source: Input) -> DataTable:
     """
     if source.file is None:
         return read_frame(source.label, source.data)
-    names = [_channel_name(column.column) for column in source.signals.values()]
+    names = [_parse_channel_name(column.column) for column in source.signals.values()]
     names += [] if source.time is None else [Header.of(source.time).name]
     return read_table(source.file, "the input", [*names, *source.columns])
 
 
-def _channel_name(text: str) -> str:
+def _parse_channel_name(text: str) -> str:
     """Return the name of the column in a text such as `der(x [mm])`."""
     text = text.strip()
     while text.startswith("der(") and text.endswith(")"):
@@ -158,7 +158,7 @@ def input_events(
         input_data = LoadedInput.of(source, start)
         times = input_data.times
         if source.interpolation == "held":
-            events += _repeat_jumps(source, times, _jumps(input_data), stop)
+            events += _repeat_jumps(source, times, _find_jumps(input_data), stop)
         else:
             events += [float(times[0]), float(times[-1])]
             if (jumps := times[1:][np.diff(times) == 0.0]).size:  # rows with the same time
@@ -172,7 +172,7 @@ def row_distance(sources: Sequence[Input]) -> float:
     return min((float(np.median(d[d > 0.0])) for d in distances), default=math.inf)
 
 
-def _jumps(input_data: LoadedInput) -> Vector:
+def _find_jumps(input_data: LoadedInput) -> Vector:
     """Return the times of rows that differ from the row before in a column of numbers."""
     differs = np.zeros(len(input_data.times), dtype=bool)
     with contextlib.suppress(CommandError):  # a column that cannot be read is left out below

@@ -118,7 +118,7 @@ def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
 
     first = dict(enumerate(layout.first)) if len(layout.first) == len(names) else {}
     lists = {i: len(cell.split()) for i, cell in first.items() if is_list(cell)}
-    headers = _add_units(label, [_header(text, is_result) for text in layout.names], layout.units)
+    headers = _add_units(label, [_read_header(text, is_result) for text in layout.names], layout.units)
     types = {headers[i].name: SignalType(kind) for i, cell in first.items() if (kind := _find_kind(cell))}
     table = DataTable(label, headers, read, lists, layout.delimiter != ",", types)
     for count, where in ((layout.skipped, "before"), (layout.between, "below")):
@@ -130,7 +130,7 @@ def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
     return table
 
 
-def _header(text: str, is_result: bool, unit: str | None = None) -> Header:
+def _read_header(text: str, is_result: bool, unit: str | None = None) -> Header:
     return Header(text, text, unit) if is_result else Header.of(text, unit)
 
 
@@ -213,7 +213,9 @@ def _read_parquet(label: str, file: Path, is_result: bool) -> DataTable:
     kinds = {polars.String: "String", polars.Boolean: "Boolean"}
     plain = {name: SignalType(kinds[kind]) for name, kind in schema.items() if kind in kinds}
     types = plain | {n: t for n, t in read_types(metadata.get(COLUMN_TYPES)).items() if n in schema}
-    return DataTable(label, [_header(n, is_result, units.get(n)) for n in names], read, lists, types=types)
+    return DataTable(
+        label, [_read_header(n, is_result, units.get(n)) for n in names], read, lists, types=types
+    )
 
 
 def _read_registered(label: str, form: str, file: Path) -> DataTable:
@@ -236,14 +238,14 @@ def read_frame(label: str, frame: Any) -> DataTable:
         raise CommandError(f"{label} has a column called {wrong[0]!r}; names must be texts.")
 
     def read(positions: Sequence[int], _: bool) -> Sequence[polars.Series]:
-        return [_array_column(label, names[p], np.asarray(frame[names[p]])) for p in positions]
+        return [_convert_array(label, names[p], np.asarray(frame[names[p]])) for p in positions]
 
     arrays = {i: np.shape(frame[n]) for i, n in enumerate(names) if isinstance(frame[n], np.ndarray)}
     lists = {i: shape[1] for i, shape in arrays.items() if len(shape) == 2}  # of shape (n, elements)
     return DataTable(label, [Header.of(name) for name in names], read, lists)
 
 
-def _array_column(label: str, name: str, column: np.ndarray) -> polars.Series:
+def _convert_array(label: str, name: str, column: np.ndarray) -> polars.Series:
     """Return an array as a column. Raise CommandError for one that is not of numbers, texts or times."""
     if column.ndim == 2 and column.dtype.kind in "biuf":
         return polars.Series(column.tolist())

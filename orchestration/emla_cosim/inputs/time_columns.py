@@ -46,9 +46,9 @@ def read_times(
         CommandError: If there is no such column, or the times decrease.
     """
     position = _find_column(table, column)
-    times = _clock_times(table, position)
+    times = _read_clock_times(table, position)
     if times is None:
-        times = _numbers(table, position, column, start, is_raw)
+        times = _read_numbers(table, position, column, start, is_raw)
     if len(times) < least:
         raise CommandError(f"{table.label} has {'fewer than two' if least > 1 else 'no'} rows.")
     if len(times):
@@ -75,7 +75,7 @@ def _find_column(table: DataTable, column: str | None) -> int:
     return positions[0]
 
 
-def _clock_times(table: DataTable, position: int) -> Vector | None:
+def _read_clock_times(table: DataTable, position: int) -> Vector | None:
     """Return the times of a column of clock times, from the first row; None for one of numbers."""
     cells, name = table.cells(position), table.headers[position].text
     is_text = len(cells) and cells.dtype == polars.String and is_clock(cells[0])
@@ -89,7 +89,7 @@ def _clock_times(table: DataTable, position: int) -> Vector | None:
     return times
 
 
-def _numbers(table: DataTable, position: int, column: str | None, start: float, is_raw: bool) -> Vector:
+def _read_numbers(table: DataTable, position: int, column: str | None, start: float, is_raw: bool) -> Vector:
     """Return the times of a column of numbers in s."""
     header = table.headers[position]
     declared = Header.of(column).unit if column is not None and column != header.text else None

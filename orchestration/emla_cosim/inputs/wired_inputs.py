@@ -60,7 +60,7 @@ def build_cached_fmu(
     # by the numbers, not by the file: a changed comment or name must not build it again
     for numbers in (content.times, *(c.values for c in content.columns)):
         digest.update(numbers.tobytes())
-    path = _folder() / digest.hexdigest()[:24] / "DataTable.fmu"
+    path = _make_folder() / digest.hexdigest()[:24] / "DataTable.fmu"
     return path if path.is_file() else _build(content, path, platforms, table.source.label)
 
 
@@ -197,7 +197,7 @@ _fmu_folders = ExitStack()
 
 
 @cache
-def _folder() -> Path:
+def _make_folder() -> Path:
     """Return the folder of the tables' FMUs, which is removed when this process ends."""
     return _fmu_folders.enter_context(temporary_folder("tables"))
 

@@ -144,7 +144,7 @@ def _collect_system(
     positions = {file: i for i, file in enumerate(used)}
     problems = list[str]()
     fmus = tuple(
-        _read_fmu(file, _display_name(file, scenario.unpacked), interface, problems)
+        _read_fmu(file, _format_file_name(file, scenario.unpacked), interface, problems)
         for file, interface in used.items()
     )
     return Info(
@@ -213,7 +213,7 @@ def _collect_unsupported_fmu(path: Path, reason: CommandError) -> Info:
     )
 
 
-def _display_name(file: Path, unpacked: Path | None) -> str:
+def _format_file_name(file: Path, unpacked: Path | None) -> str:
     """Return the name of a file; for one in a package, PACKAGE.ssp/FILE."""
     if unpacked is not None and file.is_relative_to(unpacked):
         return str(file.relative_to(unpacked))
@@ -243,7 +243,7 @@ def _read_fmu(path: Path, display_path: str, interface: Interface, problems: lis
         problems.append(str(error))
     root, experiment = document.root, document.root.find("DefaultExperiment")
     times = (
-        _finite(None if experiment is None else experiment.get(name))
+        _keep_finite(None if experiment is None else experiment.get(name))
         for name in ("startTime", "stopTime", "stepSize", "tolerance")
     )
     kinds = document.kinds or interface.kinds  # those of FMI 1.0 are not elements
@@ -343,10 +343,10 @@ def _read_limit(variable: ModelVariable, name: str) -> float | None:
     text = getattr(variable, name)
     if text is None and variable.declaredType is not None:
         text = getattr(variable.declaredType, name, None)
-    return None if variable.type == "Enumeration" else _finite(text)
+    return None if variable.type == "Enumeration" else _keep_finite(text)
 
 
-def _finite(text: Any) -> float | None:
+def _keep_finite(text: Any) -> float | None:
     """Return a finite number; None for anything else, as invalid descriptions have it."""
     try:
         number = math.nan if text is None else float(text)

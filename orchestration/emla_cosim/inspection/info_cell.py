@@ -50,11 +50,11 @@ class DisplayRow:
 
 def build_display_rows(variables: Sequence[VariableInfo]) -> Iterator[DisplayRow]:
     """Yield a row for each variable, and one for adjacent, equal elements of an array."""
-    for _, group in groupby(enumerate(variables), lambda entry: _grouping_key(*entry)):
-        yield _row([v for _, v in group])
+    for _, group in groupby(enumerate(variables), lambda entry: _make_grouping_key(*entry)):
+        yield _make_row([v for _, v in group])
 
 
-def _grouping_key(position: int, v: VariableInfo) -> tuple[object, ...]:
+def _make_grouping_key(position: int, v: VariableInfo) -> tuple[object, ...]:
     """Return what adjacent elements of an array must have in common to share a row."""
     element = _ELEMENT.fullmatch(v.name)
     if element is None or v.driven_by or v.read_by:
@@ -64,7 +64,7 @@ def _grouping_key(position: int, v: VariableInfo) -> tuple[object, ...]:
     return element[1], int(element[2]) - position, *alike
 
 
-def _row(elements: Sequence[VariableInfo]) -> DisplayRow:
+def _make_row(elements: Sequence[VariableInfo]) -> DisplayRow:
     first, last = elements[0], elements[-1]
     name = format_line(first.name)
     if len(elements) > 1:
@@ -83,10 +83,10 @@ def _row(elements: Sequence[VariableInfo]) -> DisplayRow:
     ends += (f"at {' and '.join(first.clocks)}",) if first.clocks else ()
     return DisplayRow(
         name=name,
-        kind=_kind(first),
+        kind=_describe_kind(first),
         start=start,
         is_changed=is_changed,
-        range=", ".join(map(format_line, first.choices)) or _range(first.minimum, first.maximum),
+        range=", ".join(map(format_line, first.choices)) or _format_range(first.minimum, first.maximum),
         meaning=meaning,
         connected=tuple(map(format_line, ends)),
         first=first,
@@ -123,7 +123,7 @@ def format_line(text: str) -> str:
     return make_visible(text).replace("\n", "\\n").replace("\t", "\\t")
 
 
-def _kind(variable: VariableInfo) -> str:
+def _describe_kind(variable: VariableInfo) -> str:
     variability = variable.interval_variability or variable.variability
     variability = "" if variability in _USUAL else variability
     kind = "" if variable.data_type in ("Real", "Float64") else variable.data_type
@@ -134,14 +134,14 @@ def _kind(variable: VariableInfo) -> str:
 
 def _values(values: Sequence[Start | None]) -> str:
     """Format the start values of elements: one if all are equal, otherwise the first few."""
-    texts = ["" if x is None else _number(x) for x in values]
+    texts = ["" if x is None else _format_number(x) for x in values]
     if len(set(texts)) == 1:
         return texts[0]
     more = ", ..." if len(texts) > _MOST_STARTS else ""
     return ", ".join(texts[:_MOST_STARTS]) + more
 
 
-def _number(value: Start) -> str:
+def _format_number(value: Start) -> str:
     """Format a number; whole numbers, such as seeds, have all digits."""
     if not isinstance(value, float):
         return format_line(format_start(value))
@@ -149,10 +149,10 @@ def _number(value: Start) -> str:
     return str(int(value)) if value.is_integer() and float(text) != value else text
 
 
-def _range(low: float | None, high: float | None) -> str:
+def _format_range(low: float | None, high: float | None) -> str:
     if low is None:
-        return "" if high is None else f"<= {_number(high)}"
-    return f">= {_number(low)}" if high is None else f"{_number(low)} to {_number(high)}"
+        return "" if high is None else f"<= {_format_number(high)}"
+    return f">= {_format_number(low)}" if high is None else f"{_format_number(low)} to {_format_number(high)}"
 
 
 _FEW = 12

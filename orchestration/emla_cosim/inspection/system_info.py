@@ -264,7 +264,7 @@ class Info:
         content = {"format": FORMAT, "version": VERSION, **asdict(replace(self, variables=(), machine=None))}
         del content["machine"]
         content |= {} if self.machine is None else {"machine": self.machine.as_dict()}
-        return {**to_plain(content), "variables": [_plain_row(variable) for variable in self.variables]}
+        return {**to_plain(content), "variables": [_convert_row(variable) for variable in self.variables]}
 
     def as_json(self) -> str:
         """Return everything as JSON text, with one line for each variable."""
@@ -294,7 +294,7 @@ def format_start(value: float | int | bool | str) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _plain_row(variable: VariableInfo) -> dict[str, Any]:
+def _convert_row(variable: VariableInfo) -> dict[str, Any]:
     """Convert one of many variables for JSON, faster than `to_plain`; only start values can be infinite."""
     values = vars(variable)
     lists = {name: list(value) for name, value in values.items() if isinstance(value, tuple)}

@@ -42,7 +42,7 @@ class Assembly:
     """A network of FMU instances, and the FMU file of every component.
 
     Signals have the names of the system. If a signal has another unit in the system than in its FMU,
-    `transformations` has the transformation to the system's value, by position in a row. Call `close` at the end.
+    `transformations` converts it to the system's value, by position in a row. Call `close` at the end.
     """
 
     def __init__(

@@ -61,11 +61,11 @@ def render_template(package: str, name: str, plots: Plots, **context: Any) -> st
 
     Texts in `context` may come from untrusted files. They are escaped, and cannot hide or run anything.
     """
-    return _environment(package).get_template(name).render(plots=plots, colors=colors, **context)
+    return _make_environment(package).get_template(name).render(plots=plots, colors=colors, **context)
 
 
 @cache
-def _environment(package: str) -> Environment:
+def _make_environment(package: str) -> Environment:
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader(__package__ or "", "assets")]),
         autoescape=True,
@@ -79,7 +79,7 @@ def _environment(package: str) -> Environment:
         "number": format_number,
         "brief": lambda text, most=160: shorten_text(make_visible(text), most),
     }
-    environment.globals["asset"] = _asset
+    environment.globals["asset"] = _read_asset
     return environment
 
 
@@ -88,6 +88,6 @@ def _make_visible(value: Any) -> Any:
     return value if isinstance(value, (Markup, int, float)) else make_visible(value)
 
 
-def _asset(name: str) -> Markup:
+def _read_asset(name: str) -> Markup:
     """Return a style sheet or script of this package."""
     return Markup((files(__package__ or "") / "assets" / name).read_text(encoding="utf-8"))

@@ -156,7 +156,7 @@ class _Steps:
 
     def values(self, columns: Sequence[int]) -> Vector:
         """Return the coefficients of the sources' own values, (steps, 3, columns)."""
-        start, change, before = self._differences(columns)
+        start, change, before = self._compute_differences(columns)
         # weight of the second difference for unequal steps; 0 without a previous step
         share = np.where(self._ratio > 0.0, self._ratio / (1.0 + self._ratio), 0.0)
         return np.stack((start, change, share * (before - change)), axis=1)
@@ -165,7 +165,7 @@ class _Steps:
         """Return the coefficients of the residuals, (steps, 3, connections)."""
         columns = [1 + x.signal for x in connections]
         values = self.values(columns)
-        change, before = values[:, 1], self._differences(columns)[2]
+        change, before = values[:, 1], self._compute_differences(columns)[2]
         offset, slope = np.zeros_like(change), np.zeros_like(change)
         for i, x in enumerate(connections):
             # a late consumer continues the change of the previous step; a held value has none
@@ -200,7 +200,7 @@ class _Steps:
         residuals, values = self.residuals(connections), self.values([column])[:, :, 0]
         return np.einsum("k,kai,ab,kb->i", self.lengths, residuals, PRODUCTS, values, optimize=True)
 
-    def _differences(self, columns: Sequence[int]) -> tuple[Vector, Vector, Vector]:
+    def _compute_differences(self, columns: Sequence[int]) -> tuple[Vector, Vector, Vector]:
         """Return values at the start, their change, and the previous change scaled to this length."""
         indices = [self._columns.index(column) for column in columns]
         start = self._start[:, indices]

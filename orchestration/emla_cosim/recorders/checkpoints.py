@@ -61,7 +61,7 @@ def find_resumable_checkpoint(
     for key in {**was, **identity}:
         before, value = was.get(key), identity.get(key)
         if before != value:
-            raise CommandError(_difference(path, key, before, value))
+            raise CommandError(_describe_difference(path, key, before, value))
     if reached >= times.stop:
         raise CommandError(
             f"the checkpoint '{path}' is already at t = {reached:.9g} s. Set a stop time later than that; "
@@ -70,7 +70,7 @@ def find_resumable_checkpoint(
     return checkpoint
 
 
-def _difference(path: Path, key: str, was: Any, value: Any) -> str:
+def _describe_difference(path: Path, key: str, was: Any, value: Any) -> str:
     if isinstance(was or value, dict):
         was, value = was or {}, value or {}
         names = [n for n in {**was, **value} if was.get(n) != value.get(n)]

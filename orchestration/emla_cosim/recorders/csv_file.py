@@ -96,20 +96,20 @@ class CsvFile(FileTable):
         """Continue the file that another process left, after its last whole line; see `FileTable.reopen`."""
         super().begin(layout, {"rows": rows})
         self._stream = self.path.open("r+b", buffering=0)
-        self._length = _length_of_lines(self._stream)
+        self._length = _measure_lines(self._stream)
         self._stream.seek(self._stream.truncate(self._length))
         self._line = ""
 
     def count_stored(self) -> int:
         """Return the number of whole rows in the file. Raises OSError."""
         with self.path.open("rb") as stream:
-            _header(stream)
+            _read_header(stream)
             return sum(block.count(b"\n") for block in iter(lambda: stream.read(_BLOCK), b""))
 
     def blocks(self) -> Iterator[Vector]:
         """Yield the rows of the whole table. Raises OSError."""
         with self.path.open("rb") as stream:
-            _header(stream)
+            _read_header(stream)
             while lines := stream.readlines(_BLOCK):
                 schema = dict.fromkeys(self.names, polars.Float64) | self._texts
                 yield frame_rows(polars.read_csv(b"".join(lines), has_header=False, schema=schema))
@@ -138,7 +138,7 @@ class CsvFile(FileTable):
     def open(self) -> None:
         """Read the column names from the file. Raises OSError."""
         with self.path.open("rb") as stream:
-            self.names = next(csv.reader(StringIO(_header(stream).decode("utf-8-sig"), newline="")), [])
+            self.names = next(csv.reader(StringIO(_read_header(stream).decode("utf-8-sig"), newline="")), [])
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Return columns by name, without those that the file does not have; see `Table.read`."""
@@ -146,7 +146,7 @@ class CsvFile(FileTable):
         columns = {name: f"column_{i}" for i, name in enumerate(self.names)}
         types = dict.fromkeys(self.names, polars.Float64) | self._texts
         with self.path.open("rb") as stream:
-            lines = _header(stream).count(b"\n")  # polars keeps doubled quotes in names
+            lines = _read_header(stream).count(b"\n")  # polars keeps doubled quotes in names
         table = polars.scan_csv(
             self.path,
             has_header=False,
@@ -190,7 +190,7 @@ def _can_continue(path: Path, header: bytes, length: int, line: bytes) -> bool:
         return begins and stream.read(len(line)) == line
 
 
-def _header(stream: IO[bytes]) -> bytes:
+def _read_header(stream: IO[bytes]) -> bytes:
     """Read the first row of a file. It has several lines if a name contains line breaks."""
     header = stream.readline()
     while header.count(b'"') % 2 and (line := stream.readline()):
@@ -198,7 +198,7 @@ def _header(stream: IO[bytes]) -> bytes:
     return header
 
 
-def _length_of_lines(stream: IO[bytes]) -> int:
+def _measure_lines(stream: IO[bytes]) -> int:
     """Return the length of a file up to its last line break."""
     end = stream.seek(0, os.SEEK_END)
     while end > 0:

@@ -57,7 +57,7 @@ class ParquetFile(FileTable):
         self._begin_columns(layout, state)
         if state is not None and "kept" not in state:  # the earlier table has another format
             state = None
-        earlier = self._earlier(int(state["kept"])) if state is not None else None
+        earlier = self._read_earlier_rows(int(state["kept"])) if state is not None else None
         self._file = self.check_file()
         self._remove_parts()
         self._parts.mkdir()
@@ -88,13 +88,13 @@ class ParquetFile(FileTable):
     def count_stored(self) -> int:
         """Return the number of rows in the file, or in the parts before it is finished. Raises OSError."""
         files = [self.path] if self.path.is_file() else self._list_parts()
-        with _polars_failures():
+        with _convert_polars_errors():
             return int(polars.scan_parquet(files).select(polars.len()).collect().item()) if files else 0
 
     def blocks(self) -> Iterator[Vector]:
         """Yield the rows of the finished table. Raises OSError."""
         table, size = polars.scan_parquet(self.path), max(_BLOCK // len(self.names), 1)
-        with _polars_failures():
+        with _convert_polars_errors():
             for first in range(0, self._rows, size):
                 yield frame_rows(table.slice(first, size).collect())
 
@@ -108,7 +108,7 @@ class ParquetFile(FileTable):
         parts = self._list_parts()
         empty = polars.LazyFrame(schema=self.schema)
         table = polars.scan_parquet(parts) if parts else empty
-        with _polars_failures(), write_atomically(self.path, self._file.check_again) as stream:
+        with _convert_polars_errors(), write_atomically(self.path, self._file.check_again) as stream:
             table.sink_parquet(stream, metadata=self._metadata)
         self._remove_parts()
 
@@ -146,7 +146,7 @@ class ParquetFile(FileTable):
         }
 
     def _write_part(self, rows: polars.DataFrame) -> None:
-        with _polars_failures(), write_atomically(self._parts / f"{self._count:06}.parquet") as stream:
+        with _convert_polars_errors(), write_atomically(self._parts / f"{self._count:06}.parquet") as stream:
             rows.write_parquet(stream, compression="lz4", statistics=False)  # `end` compresses more
         self._count, self._rows = self._count + 1, self._rows + len(rows)
 
@@ -163,7 +163,7 @@ class ParquetFile(FileTable):
             part.unlink()
         self._parts.rmdir()
 
-    def _earlier(self, rows: int) -> polars.DataFrame | None:
+    def _read_earlier_rows(self, rows: int) -> polars.DataFrame | None:
         """Return the first rows of an earlier run; None if it has other columns or too few rows."""
         for source in filter(None, (self.path, self._list_parts())):  # a file, or parts of an interrupted run
             try:
@@ -197,7 +197,7 @@ def strange_parts(path: Path) -> str | None:
 
 
 @contextlib.contextmanager
-def _polars_failures() -> Iterator[None]:
+def _convert_polars_errors() -> Iterator[None]:
     """Turn errors of polars into OSError."""
     try:
         yield

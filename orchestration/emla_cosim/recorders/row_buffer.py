@@ -76,7 +76,7 @@ class RowBuffer:
         if is_full or (self._texts and np.isfinite(last[self._texts]).any()):
             self.flush()
         if is_full and self._is_mapped:  # the next block may overwrite only what is stored
-            self._each(lambda recorder: recorder.release(len(self._ring) - self._block))
+            self._call_each(lambda recorder: recorder.release(len(self._ring) - self._block))
 
     def flush(self) -> None:
         """Pass the filled rows to the recorders. Raises RecordingError."""
@@ -87,16 +87,16 @@ class RowBuffer:
         first, self._passed = self._passed % len(self._ring), self._filled
         rows = show_rows(self._ring[first : first + count], self._shown).view()
         rows.flags.writeable = False  # all recorders get the same array
-        self._each(lambda recorder: recorder.write(rows))
+        self._call_each(lambda recorder: recorder.write(rows))
 
     def end(self) -> None:
         """Pass the remaining rows to the recorders, and end all of them. Raises RecordingError."""
         try:
             self.flush()
         finally:
-            self._each(lambda recorder: recorder.end())
+            self._call_each(lambda recorder: recorder.end())
 
-    def _each(self, call: Callable[[Recorder], None]) -> None:
+    def _call_each(self, call: Callable[[Recorder], None]) -> None:
         """Call every recorder, also after a failure, then raise the first failure."""
         failure: BaseException | None = None
         for recorder in self._recorders:

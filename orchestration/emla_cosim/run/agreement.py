@@ -108,11 +108,15 @@ def find_differences(before: Record, now: Record, overrides: Collection[str]) ->
     Returns:
         The differences as noun phrases. Unknown parts of `before` count as missing.
     """
-    differences = [*_versions(before, now), *_source(before, now), *_fmus(before, now)]
-    differences += _settings(before, now, overrides)
+    differences = [
+        *_compare_versions(before, now),
+        *_compare_sources(before, now),
+        *_compare_fmus(before, now),
+    ]
+    differences += _compare_settings(before, now, overrides)
     # one of these differences would explain other start values and connections
     if not differences and not overrides:
-        differences = list(_wiring(before, now))
+        differences = list(_compare_wiring(before, now))
     return differences
 
 
@@ -124,31 +128,31 @@ def describe_differences(differences: Sequence[str], where: str) -> str:
     return f"Differences from {where}: {join_names(listed)}."
 
 
-def _versions(before: Record, now: Record) -> Iterator[str]:
-    earlier, current = _table(before, "versions"), _table(now, "versions")
+def _compare_versions(before: Record, now: Record) -> Iterator[str]:
+    earlier, current = _read_table(before, "versions"), _read_table(now, "versions")
     for name, version in current.items():
         if name in earlier and earlier[name] != version:
             yield f"{name} {version or 'missing'} instead of {earlier[name] or 'missing'}"
 
 
-def _source(before: Record, now: Record) -> Iterator[str]:
+def _compare_sources(before: Record, now: Record) -> Iterator[str]:
     earlier, current = before.get("source_sha256"), now["source_sha256"]
     if current is not None and earlier != current:
         yield f"the content of '{now['source']}'"
 
 
-def _fmus(before: Record, now: Record) -> Iterator[str]:
-    earlier, current = _table(before, "components"), _table(now, "components")
+def _compare_fmus(before: Record, now: Record) -> Iterator[str]:
+    earlier, current = _read_table(before, "components"), _read_table(now, "components")
     for name, component in current.items():
         if name not in earlier:
             yield f"the component {name}, which is new"
-        elif _table(earlier, name).get("sha256") != component["sha256"]:
+        elif _read_table(earlier, name).get("sha256") != component["sha256"]:
             yield f"the FMU of {name}"
     yield from (f"the component {name}, which no longer exists" for name in earlier if name not in current)
 
 
-def _settings(before: Record, now: Record, overrides: Iterable[str]) -> Iterator[str]:
-    earlier, current = _table(before, "settings"), _table(now, "settings")
+def _compare_settings(before: Record, now: Record, overrides: Iterable[str]) -> Iterator[str]:
+    earlier, current = _read_table(before, "settings"), _read_table(now, "settings")
     may_differ = {*overrides, *(o.record for o in list_options().values() if not o.repeated)}
     for name in (n for n in current if n in earlier and n not in may_differ):
         yield from _describe_change(f"the setting {name}", earlier[name], current[name])
@@ -179,17 +183,17 @@ def _describe_change(name: str, earlier: Any, current: Any) -> Iterator[str]:
             yield name
 
 
-def _wiring(before: Record, now: Record) -> Iterator[str]:
+def _compare_wiring(before: Record, now: Record) -> Iterator[str]:
     """Yield differences of start values and connections that no other difference explains."""
-    earlier, current = _table(before, "components"), _table(now, "components")
+    earlier, current = _read_table(before, "components"), _read_table(now, "components")
     for name, component in current.items():
-        if _table(earlier, name).get("parameters") != component["parameters"]:
+        if _read_table(earlier, name).get("parameters") != component["parameters"]:
             yield f"the start values of {name}"
     if before.get("connections") != now["connections"]:
         yield "the connections"
 
 
-def _table(record: Any, name: str) -> Record:
+def _read_table(record: Any, name: str) -> Record:
     """Return a table of a record, or an empty one if the entry is missing or of another type."""
     table = record.get(name)
     return table if isinstance(table, dict) else {}

@@ -171,7 +171,7 @@ class CouplingSummary:
             return {} if summary is None else {"summary": summary}
         worst, order = self._find_worst(error), self.algorithm.accuracy
         size, signal = error.errors[worst.signal], self.algorithm.network.names[worst.signal]
-        percent, is_difference = _percent(size), error.repeated == DIFFERENCES
+        percent, is_difference = _format_percent(size), error.repeated == DIFFERENCES
         if size <= LARGEST_ERROR and is_difference:
             return {"summary": f"Within a step, inputs miss {signal} by roughly {percent} of its range"}
         if size <= LARGEST_ERROR:
@@ -186,7 +186,10 @@ class CouplingSummary:
             )
         else:
             # half the step leaves the part 0.5^order of the error
-            half, about = _percent(size * (1.0 - 0.5**order)), "about " if size <= LARGEST_SHOWN else ""
+            half, about = (
+                _format_percent(size * (1.0 - 0.5**order)),
+                "about " if size <= LARGEST_SHOWN else "",
+            )
             text = (
                 f"Coupling error: {about}{percent} of the range of {signal}; half the step would change it "
                 f"by {half} ({use}, order {order})."
@@ -269,7 +272,7 @@ def _name_first(names: Sequence[str]) -> str:
     return f"{names[0]} and {len(names) - 1} more, in run.json" if len(names) > 1 else names[0]
 
 
-def _percent(share: float) -> str:
+def _format_percent(share: float) -> str:
     if share < SMALLEST_SHOWN:
         return f"less than {100.0 * SMALLEST_SHOWN:g} %"
     if share > LARGEST_SHOWN:

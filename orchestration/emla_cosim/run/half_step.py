@@ -124,7 +124,7 @@ def _explain_change(algorithm: Algorithm, samplers: Mapping[str, int]) -> str | 
     for late in find_late_samples(algorithm, samplers):
         return f"{late.reader} samples {late.signal} one step late, and half the step would change this delay"
     for i in dict.fromkeys(link.target for link in network.links):
-        if i not in network.followers and names[i] not in samplers and _may_sample(network, i):
+        if i not in network.followers and names[i] not in samplers and _can_sample(network, i):
             return (
                 f"it is not known whether {names[i]}, which has discrete variables, samples in each step; "
                 f"if it does, set --step-multiple {names[i]}=1"
@@ -132,7 +132,7 @@ def _explain_change(algorithm: Algorithm, samplers: Mapping[str, int]) -> str | 
     return None
 
 
-def _may_sample(network: Network, i: int) -> bool:
+def _can_sample(network: Network, i: int) -> bool:
     """Return whether an instance may compute at communication points only, by its model description.
 
     Clocks and events of FMI 3.0 have their own times. With continuous states, discrete variables may be those

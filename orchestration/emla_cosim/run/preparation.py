@@ -48,10 +48,10 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
     system, faults = add_fault_components(system.with_main(), options.fault)
     replacements = options.replacements()
     _check_components(system, [*replacements], options.set)
-    fmus = _fmu_files(system, options, progress)
+    fmus = _prepare_fmu_files(system, options, progress)
     interfaces = read_interfaces(fmus)
     # first, because sizes of arrays decide which variables have names
-    structure = _structural_values(system, options, interfaces)
+    structure = _list_structural_values(system, options, interfaces)
     system, interfaces = set_structure(system, fmus, interfaces, structure)
     system = connect_elements(system, {name: i.variables for name, i in interfaces.items()})
     replacement_interfaces = read_interfaces(
@@ -109,7 +109,7 @@ def _check_components(system: System, names: Sequence[str], values: Mapping[str,
                 system.split(name)
 
 
-def _structural_values(
+def _list_structural_values(
     system: System, options: Options, interfaces: Mapping[str, Interface]
 ) -> dict[str, Value]:
     """Return the values among which those of structural parameters are: names depend on them."""
@@ -164,7 +164,7 @@ def limit_to_data_end(options: Options) -> Options:
     return replace(options, stop_time=stop)
 
 
-def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str, Path]:
+def _prepare_fmu_files(system: System, options: Options, progress: Progress) -> dict[str, Path]:
     """Return the FMU file of every component. Build built-in FMUs that are missing or out of date."""
     models = {c.model: c.model for c in system.components if c.fmu is None}
     # FILE.py:BLOCK names a block; other models stay as they are

@@ -123,78 +123,78 @@ class _VariableMatcher:
         inputs = [x.input for x in system.into(component.name)]
         outputs = list(dict.fromkeys(x.output for x in system.out_of(component.name)))
         for name in inputs:
-            self._needed("input", name)
+            self._match_connected("input", name)
         for name in outputs:
-            self._needed("output", name)
+            self._match_connected("output", name)
         for name in component.parameters:
-            self._parameter(name)
+            self._match_start_value(name)
         self._report_connected(outputs)
         self.matches += self._free(inputs)
         if any(match.fatal for match in self.matches):  # then a mapping may help
-            self.matches += self._unused()
+            self.matches += self._list_unused()
 
-    def _target(self, name: str) -> str:
+    def _choose_target(self, name: str) -> str:
         """Return the new FMU's name of a variable; empty if another variable already has that name."""
         entry = self._entries.get(name)
         if entry is not None:
             return entry.target
         return "" if name in self._mapped_targets else name
 
-    def _needed(self, kind: str, name: str) -> None:
+    def _match_connected(self, kind: str, name: str) -> None:
         """Match a variable that is connected."""
-        variable = self._new.variables.get(self._target(name))
+        variable = self._new.variables.get(self._choose_target(name))
         if variable is None:
             self._add_note(kind, name, "", "is missing", fatal=True)
         elif variable.causality != kind or variable.type != self._original.variables[name].type:
             self._add_note(kind, name, variable.name, f"is {variable.causality}, {variable.type}", fatal=True)
         else:
-            self._converted(kind, name, variable)
+            self._note_conversion(kind, name, variable)
 
-    def _parameter(self, name: str) -> None:
+    def _match_start_value(self, name: str) -> None:
         """Match a variable that has a start value."""
         if name not in self._original.variables:
             return  # it may belong to the new FMU; setting it reports that
         parameter = self._original.variables[name].causality == "parameter"
         kind = "parameter" if parameter else "start value"
-        variable = self._new.variables.get(self._target(name))
+        variable = self._new.variables.get(self._choose_target(name))
         if variable is None:
             self.left_out.add(name)
             self._add_note(kind, name, "", "is left out")
         else:
-            self._converted(kind, name, variable)
+            self._note_conversion(kind, name, variable)
 
     def _report_connected(self, connected: Sequence[str]) -> None:
         """Match outputs that are not connected but recorded under the old names."""
         for name, variable in self._original.variables.items():
-            replacement_variable = self._new.variables.get(self._target(name))
+            replacement_variable = self._new.variables.get(self._choose_target(name))
             if variable.causality != "output" or name in connected or replacement_variable is None:
                 continue
             if (
                 replacement_variable.causality == "output"
                 and replacement_variable.type == variable.type != "String"
             ):
-                self._converted("output", name, replacement_variable)
+                self._note_conversion("output", name, replacement_variable)
 
     def _free(self, inputs: Sequence[str]) -> Iterator[VariableMatch]:
         """Match inputs of the new FMU that nothing drives."""
-        driven = {self._target(name) for name in inputs}
+        driven = {self._choose_target(name) for name in inputs}
         for name, variable in self._new.variables.items():
             if variable.causality == "input" and name not in driven:
                 yield VariableMatch("input", "", self._with_unit(name, self._new), "keeps its start value")
 
-    def _unused(self) -> Iterator[VariableMatch]:
+    def _list_unused(self) -> Iterator[VariableMatch]:
         """Match outputs and parameters of the new FMU that a mapping could still name."""
         used = {*self._mapped_targets, *self.same}
         for name, variable in self._new.variables.items():
             if variable.causality in ("output", "parameter") and name not in used:
                 yield VariableMatch(variable.causality, "", self._with_unit(name, self._new), "is not used")
 
-    def _converted(self, kind: str, name: str, variable: ModelVariable) -> None:
+    def _note_conversion(self, kind: str, name: str, variable: ModelVariable) -> None:
         if name in self.aliases:
             return  # an output that also has a start value
         old_unit, new_unit = self._original.unit(name), self._new.unit(variable.name)
         try:
-            transformation = self._transformation(name, old_unit, new_unit)
+            transformation = self._convert_unit(name, old_unit, new_unit)
             if transformation.factor == 0.0 and variable.causality == "output":
                 raise ValueError("a factor of 0, which cannot be inverted")
         except ValueError as error:
@@ -206,7 +206,7 @@ class _VariableMatcher:
         self.aliases[name] = Alias(variable.name, transformation, old_unit)
         self._add_note(kind, name, variable.name, FITS if transformation == IDENTITY else str(transformation))
 
-    def _transformation(
+    def _convert_unit(
         self, name: str, old_unit: SiUnit | None, new_unit: SiUnit | None
     ) -> LinearTransformation:
         entry = self._entries.get(name)

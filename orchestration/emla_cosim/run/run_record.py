@@ -149,8 +149,8 @@ def _settings(definition: RunDefinition, plan: RunPlan) -> dict[str, Any]:
         "step_size_s": times.step,
         "output_interval_s": interval,
         "replace": {name: to_plain(r) for name, r in options.replacements().items()},
-        "parameters": [_content(file) for file in options.parameters],
-        "trajectory": None if options.trajectory is None else _content(options.trajectory),
+        "parameters": [_hash_file(file) for file in options.parameters],
+        "trajectory": None if options.trajectory is None else _hash_file(options.trajectory),
     }
 
 
@@ -161,15 +161,15 @@ def list_overrides(origin: RunOrigin) -> dict[str, Any]:
     """
     options = list_options()
     overrides = {name: value for name, value in origin.overrides.items() if options[name].recorded}
-    return {name: _repeatable(value, options[name].takes) for name, value in overrides.items()}
+    return {name: _convert_to_json(value, options[name].takes) for name, value in overrides.items()}
 
 
-def _repeatable(value: Any, takes: type | None) -> Any:
+def _convert_to_json(value: Any, takes: type | None) -> Any:
     """Convert the value of an option to JSON that can be read back; mark objects of the type `takes`."""
     if isinstance(value, Mapping):
-        return {key: _repeatable(inner, takes) for key, inner in value.items()}
+        return {key: _convert_to_json(inner, takes) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_repeatable(inner, takes) for inner in value]
+        return [_convert_to_json(inner, takes) for inner in value]
     if isinstance(value, FileOrObject) and (definition := value.repeatable()) is not None:
         return definition
     if isinstance(value, FileOrObject):
@@ -179,7 +179,7 @@ def _repeatable(value: Any, takes: type | None) -> Any:
     return to_plain(value)
 
 
-def _content(path: Path) -> dict[str, str | None]:
+def _hash_file(path: Path) -> dict[str, str | None]:
     """Return a file with the hash of its content, which is None if it cannot be read."""
     return {"file": str(path), "sha256": hash_if_readable(path)}
 

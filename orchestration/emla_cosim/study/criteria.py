@@ -16,7 +16,7 @@ EVALUATED_AFTER = 0.3
 TOO_SHORT = f"too short to judge: that takes more than {EVALUATED_AFTER:g} s"
 
 
-def _criterion(default: float, unit: str, meaning: str) -> Any:
+def _make_criterion(default: float, unit: str, meaning: str) -> Any:
     return field(default=default, metadata={"unit": unit, "meaning": meaning})
 
 
@@ -31,22 +31,22 @@ class Criteria:
 
     # larger than the lag of every set of gains that follows its reference at all; a narrower window would
     # hide the lag, as a joint would settle only after the reference has stopped
-    position_window: float = _criterion(
+    position_window: float = _make_criterion(
         1e-3, "m", "Position error within which a joint has settled, and is to stay"
     )
     # 0.2 s: what the slowest built-in controller needs from 1 mm to about its own error (docs/metrics.md)
-    window_time: float = _criterion(0.2, "s", "How long it has to be within it to have settled")
+    window_time: float = _make_criterion(0.2, "s", "How long it has to be within it to have settled")
     # drives trip some per cent beyond a limit, so that a reference can move at it
-    over_speed: float = _criterion(0.05, "1", "Fraction beyond the largest speed that is a trip")
+    over_speed: float = _make_criterion(0.05, "1", "Fraction beyond the largest speed that is a trip")
     # 10 %: the overshoot that a well-damped current loop may have
-    over_current: float = _criterion(0.1, "1", "Fraction beyond the largest current that is a trip")
-    over_torque: float = _criterion(
+    over_current: float = _make_criterion(0.1, "1", "Fraction beyond the largest current that is a trip")
+    over_torque: float = _make_criterion(
         0.1, "1", "Fraction beyond the motor's torque that is a trip, if the torque is that of the command"
     )
-    over_temperature: float = _criterion(0.05, "1", "Fraction beyond the permitted rise that is a trip")
+    over_temperature: float = _make_criterion(0.05, "1", "Fraction beyond the permitted rise that is a trip")
     # the end stops begin at the stroke
-    over_travel: float = _criterion(1e-3, "m", "Distance beyond the stroke that is a trip")
-    torque_ripple: float = _criterion(
+    over_travel: float = _make_criterion(1e-3, "m", "Distance beyond the stroke that is a trip")
+    torque_ripple: float = _make_criterion(
         0.2, "1", "Fraction of the torque limit that noise of the torque may take, rms"
     )
 

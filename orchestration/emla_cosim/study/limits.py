@@ -182,7 +182,7 @@ class LimitWatch:
                 if (load := self._loads.get(watched.joint)) is not None:
                     row_of_load = list(self._loads).index(watched.joint)
                     cause = load.cause(float(loads[row_of_load, row]))
-                trip = Trip(*_violation_fields(watched, float(time[row]), float(series[row])), cause)
+                trip = Trip(*_list_violation_fields(watched, float(time[row]), float(series[row])), cause)
                 trips[watched.joint] = row, trip
         for number in signal_numbers.tolist():
             watched = self._watched[number]
@@ -202,9 +202,9 @@ class LimitWatch:
         largest = float(values[excess.argmax()])
         before = self._touches[watched.joint].get(watched.signal)
         if before is None:
-            touch = Touch(*_violation_fields(watched, float(time[beyond.argmax()]), largest))
+            touch = Touch(*_list_violation_fields(watched, float(time[beyond.argmax()]), largest))
         elif excess.max() > max(before.value - watched.maximum, watched.minimum - before.value):
-            touch = Touch(*_violation_fields(watched, before.time_s, largest))
+            touch = Touch(*_list_violation_fields(watched, before.time_s, largest))
         else:
             return
         self._touches[watched.joint][watched.signal] = touch
@@ -274,7 +274,7 @@ def _watch_load(
     return _WatchedLoad(signal, columns[signal], rho * lead / (2.0 * math.pi * efficiency), limit)
 
 
-def _violation_fields(
+def _list_violation_fields(
     watched: _WatchedSignal, time: float, value: float
 ) -> tuple[str, float, float, float, float, str, str]:
     """Return the fields of a trip or a touch."""

@@ -284,7 +284,7 @@ class OscillationWatch:
             oscillations = [
                 _describe(tone, signals, limit, start, rate)
                 for tone in tones
-                if (watched.is_force_known or _accelerates_joint(tone, signals, watched))
+                if (watched.is_force_known or _is_joint_acceleration(tone, signals, watched))
                 and not _is_sampling_line(tone, scales, grid, watched, rates)
             ]
             # noise is what is left when no tone explains the torque
@@ -304,7 +304,7 @@ class OscillationWatch:
     def _update_worst(self, joint: int, oscillation: Oscillation, limit: float) -> None:
         window = self._joints[joint].window
         worst = self._worst.get(joint, oscillation)
-        if _severity(worst, window, limit) > _severity(oscillation, window, limit):
+        if _compute_severity(worst, window, limit) > _compute_severity(oscillation, window, limit):
             worst, oscillation = oscillation, worst
         self._worst[joint] = _merge(oscillation, worst)
 
@@ -366,7 +366,7 @@ def _find_noise(
     parts = len(windows) // windows_per_part
     # parts of the same length, so that an impact fills only one or two of them
     squares = windows[: parts * windows_per_part].reshape(parts, windows_per_part).mean(axis=1)
-    first, last = _longest_run(squares > (ripple * limit) ** 2)
+    first, last = _find_longest_run(squares > (ripple * limit) ** 2)
     if last - first < _NOISE_PARTS or search.is_tone_above(_NOISE_BIN):
         return []
     rms, duration = float(np.sqrt(squares[first:last].mean())), windows_per_part * grid.hop / grid.rate
@@ -409,7 +409,7 @@ def _is_sampling_line(
     )
 
 
-def _accelerates_joint(tone: Tone, signals: Sequence[int], watched: WatchedJoint) -> bool:
+def _is_joint_acceleration(tone: Tone, signals: Sequence[int], watched: WatchedJoint) -> bool:
     """Return whether the torque of a tone is that of the joint's acceleration, so that no force causes it."""
     amplitudes = dict(zip(signals, tone.amplitudes_of_signals, strict=True))
     if TORQUE not in amplitudes or ERROR not in amplitudes or math.isnan(watched.inertia):
@@ -437,7 +437,7 @@ def _describe(tone: Tone, signals: Sequence[int], limit: float, start: float, ra
     )
 
 
-def _severity(oscillation: Oscillation, window: float, limit: float) -> float:
+def _compute_severity(oscillation: Oscillation, window: float, limit: float) -> float:
     """Return the largest amplitude relative to what is allowed; noise counts least."""
     if oscillation.kind == "noise":
         return -1.0 / oscillation.torque_ripple
@@ -459,7 +459,7 @@ def _merge(worse: Oscillation, milder: Oscillation) -> Oscillation:
     return replace(worse, time_s=min(worse.time_s, milder.time_s), until_s=max(worse.until_s, milder.until_s))
 
 
-def _longest_run(values: Mask) -> tuple[int, int]:
+def _find_longest_run(values: Mask) -> tuple[int, int]:
     """Return the longest run of true values: its first position, and the one after its last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], values, [False]]).astype(int)))
     runs = [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]

@@ -27,11 +27,11 @@ class PrintedTable:
 
     def recomputed(self, controller: str) -> Cells:
         """Return normalised averages of the printed cells: ratios of means, which reproduce most of them."""
-        sums = zip(self._sums(controller), self._sums(REFERENCE), strict=True)
+        sums = zip(self._compute_sums(controller), self._compute_sums(REFERENCE), strict=True)
         # ratios of means, not means of ratios, reproduce most of the printed averages
         return Cells(*(own_sum / base for own_sum, base in sums))
 
-    def _sums(self, controller: str) -> list[float]:
+    def _compute_sums(self, controller: str) -> list[float]:
         return [sum(column) for column in zip(*(row[controller] for row in self.cells.values()), strict=True)]
 
 

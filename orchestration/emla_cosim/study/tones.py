@@ -239,7 +239,7 @@ class ToneSearch:
                 # a part of what decays over a longer time must be certain not to decay
                 is_part = any(abs(q - p) < 2 and a <= first and last <= b for p, a, b in decaying)
                 certain = trend.growth - (2.0 * trend.error if is_part else 0.0) > _MIN_LASTING_GROWTH
-                if last - first < self.count and self._comes_and_goes(signal, q, first, last):
+                if last - first < self.count and self._is_intermittent(signal, q, first, last):
                     continue
                 power = float(self._power[signal, first:last, q].mean())
                 if last < self.count and power < _ENDED_RATIO**2 * limits[q]:
@@ -343,7 +343,7 @@ class ToneSearch:
         trend = self._fit_trend(np.log(np.maximum(amplitudes, 1e-300)))
         return None if trend.scatter[0] > _MAX_SCATTER else _Trend(*(float(x[0]) for x in trend))
 
-    def _comes_and_goes(self, signal: int, q: int, first: int, last: int) -> bool:
+    def _is_intermittent(self, signal: int, q: int, first: int, last: int) -> bool:
         """Return whether a tone is as large just before or after, and changes there as only noise does."""
         length = last - first
         start, end = max(first - length, 0), min(last + length, self.count)

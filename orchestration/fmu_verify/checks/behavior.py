@@ -132,7 +132,7 @@ def inputs(subject: Subject) -> CheckOutcome:
     for variable in take_in_time(examined, limit):
         examined_count += 1
         if not any(
-            _changes_run(subject, {**base, variable.name: value}, names, expected)
+            _is_run_changed(subject, {**base, variable.name: value}, names, expected)
             for base, expected in bases
             for value in _list_alternatives(variable, base)
         ):
@@ -153,7 +153,7 @@ def _find_inputs_without_late_effect(
     baseline = in_separate_process(_observe, subject, {}, names, _MORE_STEPS)
     for name in take_in_time(input_names, _TIME_FRACTION * subject.settings.seconds):
         values = {name: choose_other(subject.variables[name])}
-        if not _changes_run(subject, values, names, baseline, _MORE_STEPS):
+        if not _is_run_changed(subject, values, names, baseline, _MORE_STEPS):
             yield name
 
 
@@ -168,7 +168,7 @@ def _has_effect(subject: Subject, variables: Sequence[ModelVariable], names: Seq
             continue
         for values in take_in_time(moves if parameters else [*moves, *single_moves], limit):
             was_compared = True
-            if _changes_run(subject, {**parameters, **values}, names, baseline):
+            if _is_run_changed(subject, {**parameters, **values}, names, baseline):
                 return True
     return False if was_compared else None
 
@@ -235,7 +235,7 @@ def _list_alternatives(variable: ModelVariable, base: Values) -> list[Any]:
     return [start if base.get(variable.name) == other_value else other_value, *_list_far_values(variable)]
 
 
-def _changes_run(
+def _is_run_changed(
     subject: Subject, changes: Values, names: Sequence[str], expected: Any, steps: int = _STEPS
 ) -> bool:
     try:

@@ -84,7 +84,7 @@ def empty(subject: Subject) -> CheckOutcome:
     refused = list[str]()
     for is_null, judge in ((False, partial(failed, clause=RETURNS)), (True, warned)):
         try:
-            refused += in_fresh_process(_call_for_nothing, subject, is_null)
+            refused += in_fresh_process(_call_for_zero_variables, subject, is_null)
         except EndedError as error:
             return judge(str(error))
     if refused:
@@ -92,7 +92,7 @@ def empty(subject: Subject) -> CheckOutcome:
     return passed("Functions that set and get numbers do nothing for 0 variables.")
 
 
-def _call_for_nothing(subject: Subject, is_null: bool) -> list[str]:
+def _call_for_zero_variables(subject: Subject, is_null: bool) -> list[str]:
     """Return which functions refuse a call for 0 variables, in and after initialization mode."""
     instance, refused = HostedInstance(subject), dict[str, None]()
     how = " for 0 variables with NULL pointers" if is_null else " for 0 variables"

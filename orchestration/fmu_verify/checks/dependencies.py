@@ -172,12 +172,12 @@ def _find_excluded_changes(
                 instance.set({known.name: old})
                 restored = instance.get(names)
                 for d, *values in zip(declared, before, after, restored, strict=True):
-                    if d.excludes(known.name) and _follows(*values):
+                    if d.excludes(known.name) and _is_dependent(*values):
                         pairs.setdefault((d.unknown, known.name), where)
     return pairs
 
 
-def _follows(old: Any, changed: Any, restored: Any) -> bool:
+def _is_dependent(old: Any, changed: Any, restored: Any) -> bool:
     """Return whether a value changed with a known and came back with it: time alone may change others."""
     return are_same(old, restored) and not are_same(old, changed)
 
@@ -239,5 +239,5 @@ def _find_unlisted(
             instance.set({known.name: read_start(known)})
             for unknown, *values in zip(unknowns, before, after, instance.get(names), strict=True):
                 entries = entries_by_output[int(unknown.valueReference)]
-                if _follows(*values) and not any(e.has(unknown, known) for e in entries):
+                if _is_dependent(*values) and not any(e.has(unknown, known) for e in entries):
                     yield f"{unknown.name} changes with {known.name}, which is not a dependency of it."

@@ -23,7 +23,7 @@ _ROOT = "fmiModelDescription"
 def readable(subject: Subject) -> CheckOutcome:
     """Check that the model description exists, is XML for FMI 2.0 or 3.0, and declares the FMU's kinds."""
     if not (subject.folder / DESCRIPTION).is_file():
-        return failed(f"The FMU has no {DESCRIPTION}{_say_where_it_is(subject)}.")
+        return failed(f"The FMU has no {DESCRIPTION}{_describe_location(subject)}.")
     try:
         root = subject.tree
     except MemoryError:
@@ -48,7 +48,7 @@ def readable(subject: Subject) -> CheckOutcome:
     )
 
 
-def _say_where_it_is(subject: Subject) -> str:
+def _describe_location(subject: Subject) -> str:
     """Return where a model description is that has another name, or is in a folder."""
     paths = sorted(p for p in subject.folder.glob("*") if p.name.casefold() == DESCRIPTION.casefold())
     if paths:

@@ -45,7 +45,7 @@ class Findings(NamedTuple):
 @check("layered.manifests", needs=("description.schema",))
 def manifests(subject: Subject) -> CheckOutcome:
     """Check folders in `extra`, the manifests in them, and the files, variables and terminals they name."""
-    findings = Findings([], [], [*_note_folders(subject.folder / EXTRA)], [])
+    findings = Findings([], [], [*_list_misnamed_entries(subject.folder / EXTRA)], [])
     _find_missing_manifests(subject, findings)
     paths = list_manifests(subject.folder)
     for path in paths:
@@ -70,7 +70,7 @@ def manifests(subject: Subject) -> CheckOutcome:
     return judge_problems(findings.problems, fine, findings.doubts, gaps=gaps)
 
 
-def _note_folders(extra: Path) -> Iterator[str]:
+def _list_misnamed_entries(extra: Path) -> Iterator[str]:
     """Yield entries of `extra` whose names are not in reverse domain notation."""
     for path in sorted(extra.iterdir()) if extra.is_dir() else ():
         if path.is_file():

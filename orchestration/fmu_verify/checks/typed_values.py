@@ -168,7 +168,7 @@ def _describe_problem(instance: HostedInstance, variable: ModelVariable, checks_
         return "is on the stack of a function that has returned"
     note(f"reading the String {variable.name} that fmi2GetString returned")
     content = ctypes.string_at(address)
-    if checks_memory and _changes(address, content):
+    if checks_memory and _is_text_changed(address, content):
         return "changes although no function of the FMU is called: its memory is free"
     try:
         content.decode()
@@ -189,7 +189,7 @@ def _is_on_stack(address: int) -> bool:
     return False
 
 
-def _changes(address: int, text: bytes) -> bool:
+def _is_text_changed(address: int, text: bytes) -> bool:
     """Return whether a text changes when small blocks of memory are taken, as by any host."""
     library = load_c_library()
     library.malloc.restype = ctypes.c_void_p

@@ -294,7 +294,7 @@ class HostedInstance(FmiInstance):
     def _lay_out(self, names: Sequence[str]) -> ElementLayout:
         key = tuple(names)
         if key not in self._element_layouts:
-            self._element_layouts[key] = ElementLayout(self._look_up(key))
+            self._element_layouts[key] = ElementLayout(self._find_variables(key))
         return self._element_layouts[key]
 
     def dependencies(self, reference: int) -> list[ElementDependency]:
@@ -357,7 +357,7 @@ class HostedInstance(FmiInstance):
 
     def set_now(self, values: Mapping[str, Any]) -> None:
         """Set variables by name, without waiting for events."""
-        typed = list(zip(self._look_up(values), values.values(), strict=True))
+        typed = list(zip(self._find_variables(values), values.values(), strict=True))
         with self.calling():
             if self._is_3:
                 set_elements(self.fmu, typed, self._arrays)
@@ -369,7 +369,7 @@ class HostedInstance(FmiInstance):
 
         If all Strings of a call are in one buffer, only the check of Strings fails.
         """
-        variables = self._look_up(names)
+        variables = self._find_variables(names)
         with self.calling():
             if not any(v.type == "String" for v in variables):
                 return self._get(variables)
@@ -379,9 +379,9 @@ class HostedInstance(FmiInstance):
     def get_together(self, names: Iterable[str]) -> list[Any]:
         """Return the values of variables by name, with one call for each type."""
         with self.calling():
-            return self._get(self._look_up(names))
+            return self._get(self._find_variables(names))
 
-    def _look_up(self, names: Iterable[str]) -> list[ModelVariable]:
+    def _find_variables(self, names: Iterable[str]) -> list[ModelVariable]:
         """Return variables by name. Runs ask for the same ones in each step."""
         key = tuple(names)
         if key not in self._variable_lists:

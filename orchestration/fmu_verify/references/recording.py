@@ -27,25 +27,29 @@ from .judgment import read_start_values, run_reference, sample_inputs
 from .reference_files import OPTIONS, ReferenceSolution, read_columns
 
 
-def _steps(phase: Vector, number: int) -> Vector:
+def _make_steps(phase: Vector, number: int) -> Vector:
     """Step up, back, down and back, at different times for each input."""
     levels = np.array([0.0, 1.0, 0.0, -1.0])
     return levels[np.floor(4.0 * phase * (1.0 + 0.25 * (number % 4))).astype(int) % 4]
 
 
-def _ramps(phase: Vector, number: int) -> Vector:
+def _make_ramps(phase: Vector, number: int) -> Vector:
     """Ramp up, down and back, with different slopes for each input."""
     turns = (1.0 + 0.25 * (number % 4)) * phase
     return 2.0 * np.abs(2.0 * ((turns - 0.25) % 1.0) - 1.0) - 1.0
 
 
-def _chirps(phase: Vector, number: int) -> Vector:
+def _make_chirps(phase: Vector, number: int) -> Vector:
     """Sweep a sine from 1 to at least 10 periods per run."""
     last = 10.0 + 2.0 * (number % 4)
     return np.sin(2.0 * math.pi * (phase + 0.5 * (last - 1.0) * phase**2))
 
 
-SHAPES: dict[str, Callable[[Vector, int], Vector]] = {"steps": _steps, "ramps": _ramps, "chirps": _chirps}
+SHAPES: dict[str, Callable[[Vector, int], Vector]] = {
+    "steps": _make_steps,
+    "ramps": _make_ramps,
+    "chirps": _make_chirps,
+}
 """Shapes by name: functions of the phase (0 to 1) and the input's number, with values from -1 to 1."""
 
 

@@ -67,7 +67,7 @@ def draw_pictures(result: CompareResult) -> "dict[str, Figure]":
     return pictures
 
 
-def _color(result: CompareResult, variant: str) -> str:
+def _choose_color(result: CompareResult, variant: str) -> str:
     return _COLORS[list(result.entrants).index(variant) % len(_COLORS)]
 
 
@@ -117,7 +117,7 @@ def _draw_bars(
     axes.set_ylim(len(variants) - 0.4, -0.6)
     across = axes.get_yaxis_transform()
     for position, (variant, summary) in enumerate(variants.items()):
-        color = _color(result, variant)
+        color = _choose_color(result, variant)
         value = display.factor * (summary.mean(display.name) or 0.0) if summary.is_held else 0.0
         spread = display.factor * summary.spread(display.name) if summary.is_held else 0.0
         largest = max(largest, value)
@@ -173,7 +173,9 @@ def _draw_errors(result: CompareResult) -> "Figure":
                 stride = max(len(time) // 400, 1)  # the largest error of those that share a dot
                 count = len(time) // stride * stride
                 largest = 1e6 * np.fmax(error[:count].reshape(-1, stride).max(axis=1), _MIN_ERROR_M)
-                axes.plot(time[:count:stride], largest, color=_color(result, label_variant(row)), lw=1.0)
+                axes.plot(
+                    time[:count:stride], largest, color=_choose_color(result, label_variant(row)), lw=1.0
+                )
         axes.set_yscale("log")
         axes.set_ylim(1e-2, 1e5)
         subject = "load error" if choose_position_error(rows).name.startswith("load") else "error"
@@ -182,7 +184,7 @@ def _draw_errors(result: CompareResult) -> "Figure":
     grid[-1, 0].set_xlabel("time / s", fontsize=9)
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], color=_color(result, name), label=name) for name in result.entrants]
+    handles = [Line2D([], [], color=_choose_color(result, name), label=name) for name in result.entrants]
     figure.legend(
         handles=handles, loc="outside lower center", ncols=min(len(handles), 5), fontsize=8, frameon=False
     )

@@ -67,14 +67,14 @@ def describe_share(count: int, total: int, event: str) -> str:
     low, high = share_interval(count, total)
     confidence = f"with {100.0 * LEVEL:g} % confidence"
     if count == 0:
-        return f"0 of {total} {event}: below {_percentage(high)} {confidence}"
+        return f"0 of {total} {event}: below {_format_percentage(high)} {confidence}"
     if count == total:
-        return f"all {total} {event}: above {_percentage(low)} {confidence}"
-    share = _percentage(count / total)
-    return f"{count} of {total} {event}: {share}, {_percentage(low)} to {_percentage(high)} {confidence}"
+        return f"all {total} {event}: above {_format_percentage(low)} {confidence}"
+    share, smallest, largest = map(_format_percentage, (count / total, low, high))
+    return f"{count} of {total} {event}: {share}, {smallest} to {largest} {confidence}"
 
 
-def _percentage(share: float) -> str:
+def _format_percentage(share: float) -> str:
     if share > 0.9:  # as many digits of what is left, so that only 1 is 100 %
         return f"{100.0 - float(f'{100.0 * (1.0 - share):.2g}'):.10g} %"
     return f"{100.0 * share:.2g} %" if share < 0.1 else f"{100.0 * share:.3g} %"

@@ -115,12 +115,12 @@ class SheetEntries:
         plan = replace(self.plan, options=_remove_inputs(self.plan.options))
         experiment_options = _remove_inputs(plan.experiments[experiment].options)
         scenario = load_planned(plan, merge_options([experiment_options, {SHEET: entries}]))
-        changed = _all_start_values(scenario, self.preparations[experiment])
+        changed = _read_all_start_values(scenario, self.preparations[experiment])
         return {name: value for name, value in changed.items() if unchanged.get(name) != value}
 
     @cached_property
     def _unchanged_values(self) -> list[dict[str, Value]]:
-        return [_all_start_values(p.scenario, p) for p in self.preparations if p.scenario is not None]
+        return [_read_all_start_values(p.scenario, p) for p in self.preparations if p.scenario is not None]
 
 
 def _remove_inputs(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -129,7 +129,7 @@ def _remove_inputs(options: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in options.items() if name != "input"}
 
 
-def _all_start_values(scenario: Scenario, preparation: Preparation) -> dict[str, Value]:
+def _read_all_start_values(scenario: Scenario, preparation: Preparation) -> dict[str, Value]:
     """Return the start values of a scenario with its options, by full name; `preparation` has its names."""
     options = scenario.options
     system = apply_parameter_files(scenario.system, options.parameters, preparation.interfaces)

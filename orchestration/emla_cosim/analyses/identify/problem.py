@@ -111,8 +111,8 @@ class Problem:
     def is_exact(self, residuals: Vector) -> bool:
         """Return whether the predictions differ from all measured signals by rounding only."""
         return all(
-            _length(part * self.sigma[measured.signal])
-            <= EXACT * _length(measured.values - measured.values.mean())
+            _compute_length(part * self.sigma[measured.signal])
+            <= EXACT * _compute_length(measured.values - measured.values.mean())
             for measured, part in self.split(residuals)
         )
 
@@ -174,7 +174,7 @@ class Problem:
         uneven = [
             i
             for i, (half, full) in enumerate(rungs)
-            if _length(full.slope - half.slope) >= UNSURE * _length(full.slope) and full.sides
+            if _compute_length(full.slope - half.slope) >= UNSURE * _compute_length(full.slope) and full.sides
         ]  # without any change the step may be shorter than the rounding
         longer = [(i, step) for i in uneven for f in _LONGER_STEPS if (step := f * first[i]) <= _MAX_STEP]
         for (i, _), rung in zip(longer, self._try_steps(point, residuals, longer), strict=True):
@@ -190,7 +190,7 @@ class Problem:
 
     def _find_cost_tolerance(self, point: Vector, residuals: Vector, matrix: NDArray[np.float64]) -> float:
         """Return by how much the cost near a point exceeds that of the tangent, in variances."""
-        deviation = _length(residuals) / np.sqrt(max(len(residuals) - len(point), 1))
+        deviation = _compute_length(residuals) / np.sqrt(max(len(residuals) - len(point), 1))
         sizes = np.linalg.norm(matrix, axis=0)
         steps = {i: min(_NEAR * deviation / size, _MAX_STEP) for i, size in enumerate(sizes) if size > 0.0}
         shifts = [(i, step) for i, step in steps.items() if step > _MIN_STEP]
@@ -270,9 +270,11 @@ class _StepResponse:
 
 def _choose_step(rungs: Sequence[_StepResponse]) -> tuple[Vector, Vector, float]:
     """Return derivative, its error and its step from steps that become longer."""
-    changes = [_length(b.slope - a.slope) for a, b in pairwise(rungs)]
+    changes = [_compute_length(b.slope - a.slope) for a, b in pairwise(rungs)]
     scores = [
-        float(np.hypot(c, _length(rung.bend))) / size if (size := _length(rung.slope)) > 0.0 else np.inf
+        float(np.hypot(c, _compute_length(rung.bend))) / size
+        if (size := _compute_length(rung.slope)) > 0.0
+        else np.inf
         for c, rung in zip(changes, rungs[1:], strict=True)
     ]
     best = int(np.argmin(scores)) + 1
@@ -283,7 +285,7 @@ def _choose_step(rungs: Sequence[_StepResponse]) -> tuple[Vector, Vector, float]
         # it is noise still, whose part in the longer step is smaller
         error = error * shorter.step / float(np.hypot(shorter.step, best_response.step))
     # at a corner both sides are right, so half their difference is the error
-    if all(_length(rung.bend) > _CORNER * _length(rung.slope) for rung in rungs):
+    if all(_compute_length(rung.bend) > _CORNER * _compute_length(rung.slope) for rung in rungs):
         error = best_response.bend
     return slope, error, best_response.step
 
@@ -295,7 +297,7 @@ def _shift(point: Vector, i: int, step: float) -> Vector:
     return shifted
 
 
-def _length(values: Vector) -> float:
+def _compute_length(values: Vector) -> float:
     return float(np.linalg.norm(values))
 
 

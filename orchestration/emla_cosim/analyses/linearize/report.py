@@ -135,18 +135,18 @@ def draw_nyquist(result: LinearizeResult) -> "Figure":
         L, color = result[name].value, COLORS[i % len(COLORS)]
         near = np.where(np.abs(L) < 2.0 * _RADIUS, L, np.nan)
         plot.plot(np.real(near), np.imag(near), color=color)
-        plot.add_patch(_circle(1.0 / margins.Ms, color))
+        plot.add_patch(_make_circle(1.0 / margins.Ms, color))
     labels = [f"{name}, Ms = {m.Ms:.3g}" for name, m in result.margins.items()]
     tidy_axes(plot, labels)
     plot.plot([-1.0], [0.0], "+", color=RED, markersize=9)
-    plot.add_patch(_circle(1.0, GREY, 0.0))
+    plot.add_patch(_make_circle(1.0, GREY, 0.0))
     plot.set(xlim=(-_RADIUS, 1.0), ylim=(-2.0, 2.0), aspect="equal")
     plot.set_xlabel("real part of L", fontsize=9)
     plot.set_ylabel("imaginary part of L", fontsize=9)
     return figure
 
 
-def _circle(radius: float, color: str, center: float = -1.0) -> "object":
+def _make_circle(radius: float, color: str, center: float = -1.0) -> "object":
     from matplotlib.patches import Circle
 
     return Circle((center, 0.0), radius, fill=False, color=color, linewidth=0.8, linestyle="--")

@@ -71,7 +71,7 @@ def count_integrators(samples: Vector) -> int | None:
     """Return how often a response must be differenced until it decays; None if that is more than twice."""
     end = max(len(samples) // _END_PARTS, 1)
     for order in range(3):
-        sizes = np.abs(_difference(samples, order))
+        sizes = np.abs(_compute_difference(samples, order))
         if sizes[-end:].max() <= _MAX_REMAINDER * sizes.max():
             return order
     return None
@@ -84,13 +84,13 @@ def transform_response(samples: Vector, integrators: int, frequency: Vector, ste
     finite if the response has integrators.
     """
     delays: Complex = np.exp(-2j * np.pi * frequency * step)  # z^-1
-    differences, k = _difference(samples, integrators), np.arange(len(samples))
+    differences, k = _compute_difference(samples, integrators), np.arange(len(samples))
     # frequency by frequency: all at once would need a matrix of samples by frequencies
     sums: Complex = np.array([delay**k @ differences for delay in delays], dtype=np.complex128)
     return sums / (1.0 - delays) ** integrators
 
 
-def _difference(samples: Vector, order: int) -> Vector:
+def _compute_difference(samples: Vector, order: int) -> Vector:
     return np.diff(samples, n=order, prepend=np.zeros(order)) if order else samples
 
 

@@ -48,7 +48,9 @@ def read_factor(result: SweepResult, name: str) -> FactorColumn:
 
 def find_varying_factors(result: SweepResult) -> list[FactorColumn]:
     """Return the factors with at least two values."""
-    return [factor for factor in (read_factor(result, n) for n in result.factors) if _varies(factor.values)]
+    return [
+        factor for factor in (read_factor(result, n) for n in result.factors) if _has_variation(factor.values)
+    ]
 
 
 def figure_values(result: SweepResult, figure: str) -> Vector:
@@ -86,7 +88,7 @@ def is_truth(result: SweepResult, figure: str) -> bool:
 
 def find_varying_figures(result: SweepResult) -> list[str]:
     """Return the figures that differ between variants that are done: numbers first, labelled ones before."""
-    varying = [figure for figure in result.figures if _varies(figure_values(result, figure))]
+    varying = [figure for figure in result.figures if _has_variation(figure_values(result, figure))]
     return sorted(varying, key=lambda figure: (is_truth(result, figure), figure not in result.displays))
 
 
@@ -120,7 +122,7 @@ def influence(factor: FactorColumn, values: Vector) -> float:
     """
     is_known = ~(np.isnan(factor.values) | np.isnan(values))
     x, y = factor.values[is_known], values[is_known]
-    if not (_varies(x) and _varies(y)):
+    if not (_has_variation(x) and _has_variation(y)):
         return 0.0
     ranks = _rank(y)
     if factor.levels is None:
@@ -140,7 +142,7 @@ def _rank(values: Vector) -> Vector:
     return polars.Series(values).rank("average").to_numpy()
 
 
-def _varies(values: Vector) -> bool:
+def _has_variation(values: Vector) -> bool:
     finite = values[~np.isnan(values)]
     return len(finite) > 1 and float(np.ptp(finite)) > 1e-12 * float(np.max(np.abs(finite)))
 

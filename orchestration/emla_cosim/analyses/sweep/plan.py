@@ -136,14 +136,14 @@ class Design:
         """The factors."""
         return self.groups[0].factors
 
-    def _values(self, number: int) -> list[tuple[Factor, Value | None]]:
+    def _list_factor_values(self, number: int) -> list[tuple[Factor, Value | None]]:
         """Return the factors of a variant with their values in the table."""
         factors = self.groups[self.group_of[number]].factors
         return [(f, f.value(values[number])) for f, values in zip(factors, self.factor_values, strict=True)]
 
     def options(self, number: int) -> dict[str, Any]:
         """Return the options that are specific to a variant."""
-        return merge_options(factor.options(value) for factor, value in self._values(number))
+        return merge_options(factor.options(value) for factor, value in self._list_factor_values(number))
 
     def variant(self, number: int) -> Variant:
         """Return a variant with the options that a prepared simulation accepts."""
@@ -159,7 +159,7 @@ class Design:
 
     def table(self) -> polars.DataFrame:
         """Return a table with the number and values of every variant."""
-        rows = [self._values(number) for number in range(self.count)]
+        rows = [self._list_factor_values(number) for number in range(self.count)]
         columns = [_make_column(f.name, [row[i][1] for row in rows]) for i, f in enumerate(self.factors)]
         return polars.DataFrame([polars.Series(VARIANT, range(self.count), polars.Int64), *columns])
 

@@ -75,7 +75,7 @@ def build_report(result: SweepResult) -> Report:
         sections += _list_sensitivities(result, figure)
     if figure is not None and len(result.variants):
         commands = _list_worst_commands(result)
-        if result.folder is not None and _are_long(commands):
+        if result.folder is not None and _has_long_commands(commands):
             commands = [f"Commands to run each of them alone are in {result.folder / _WORST_FILE}."]
         sections.append(Section(tables=[_tabulate_worst(result, figure)], under=commands))
     pictures = {f"{kind}.png": caption for kind, (_, caption) in PICTURES.items()}
@@ -228,10 +228,10 @@ def _list_worst_commands(result: SweepResult) -> list[str]:
 def _write_worst_commands(result: SweepResult) -> str | None:
     """Return the file with the commands that run the worst variants, if they are long."""
     lines = _list_worst_commands(result)
-    return "\n".join([f"# {lines[0]}", *lines[1:], ""]) if _are_long(lines) else None
+    return "\n".join([f"# {lines[0]}", *lines[1:], ""]) if _has_long_commands(lines) else None
 
 
-def _are_long(commands: Sequence[str]) -> bool:
+def _has_long_commands(commands: Sequence[str]) -> bool:
     return sum(map(len, commands)) > _MAX_LETTERS
 
 

@@ -227,7 +227,7 @@ def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     return figure
 
 
-def _shade(values: Vector) -> dict[str, Any]:
+def _make_shading(values: Vector) -> dict[str, Any]:
     from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 
     finite = values[~np.isnan(values)]
@@ -252,7 +252,7 @@ def _draw_cells(
     for outcome, variants, color in groups:
         color_map = ListedColormap([_SHADES[0] if outcome == DONE else color])
         axes.pcolormesh(cells(np.ones(len(values)), variants), cmap=color_map)
-    shades = axes.pcolormesh(cells(values, ~np.isnan(values)), **_shade(values))
+    shades = axes.pcolormesh(cells(values, ~np.isnan(values)), **_make_shading(values))
     for axis, factor, levels in ((axes.xaxis, across, x_levels), (axes.yaxis, up, y_levels)):
         names = [factor.levels[int(v)] if factor.levels else format_number(v, 4) for v in levels]
         put_levels(axis, names, room=_MAP_LETTERS if axis is axes.xaxis else None, first=0.5)
@@ -268,7 +268,7 @@ def _draw_points(
     size = float(np.clip(4000.0 / max(len(x), 1), 8.0, 40.0))
     good = next((variants for name, variants, _ in groups if name == DONE), np.zeros(len(x), bool))
     axes.scatter(x[good], y[good], s=size, color=_SHADES[0], linewidths=0)
-    shades = axes.scatter(x[good], y[good], s=size, c=values[good], linewidths=0, **_shade(values))
+    shades = axes.scatter(x[good], y[good], s=size, c=values[good], linewidths=0, **_make_shading(values))
     for outcome, variants, color in groups:
         if outcome != DONE:
             axes.scatter(x[variants], y[variants], s=2 * size, marker="X", color=color, linewidths=0)

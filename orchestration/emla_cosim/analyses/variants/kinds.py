@@ -188,7 +188,7 @@ class _Continuous(Distribution):
         with np.errstate(
             over="ignore"
         ):  # `_check` of truncated distributions looks for infinite values itself
-            values = np.array(self._inverse(inner))
+            values = np.array(self._invert(inner))
         if low is not None:
             values = np.where(q <= 0, low, np.maximum(values, low))
         if high is not None:
@@ -203,7 +203,7 @@ class _Continuous(Distribution):
         return inner[0] if low is None else low, inner[1] if high is None else high
 
     @abstractmethod
-    def _inverse(self, q: Vector) -> Vector:
+    def _invert(self, q: Vector) -> Vector:
         """Return the inverse distribution function, except for rounding at the bounds."""
 
     def _check(self) -> None:
@@ -250,7 +250,7 @@ class Uniform(_Spaced):
     name = "uniform"
     noun = "a uniform distribution"
 
-    def _inverse(self, q: Vector) -> Vector:
+    def _invert(self, q: Vector) -> Vector:
         return self.low + q * (self.high - self.low)
 
 
@@ -261,7 +261,7 @@ class LogUniform(_Spaced):
     noun = "a log-uniform distribution"
     positive = ("low", "high")
 
-    def _inverse(self, q: Vector) -> Vector:
+    def _invert(self, q: Vector) -> Vector:
         low, high = math.log(self.low), math.log(self.high)
         return np.exp(low + q * (high - low))
 
@@ -320,7 +320,7 @@ class Normal(_Truncated):
     def _standardize(self, value: float) -> float:
         return (value - self.mean) / self.deviation
 
-    def _inverse(self, q: Vector) -> Vector:
+    def _invert(self, q: Vector) -> Vector:
         return self.mean + self._find_deviations(q)
 
 
@@ -343,7 +343,7 @@ class LogNormal(_Truncated):
     def _standardize(self, value: float) -> float:
         return (math.log(value) - math.log(self.median)) / self.deviation
 
-    def _inverse(self, q: Vector) -> Vector:
+    def _invert(self, q: Vector) -> Vector:
         return np.exp(math.log(self.median) + self._find_deviations(q))
 
 
@@ -358,7 +358,7 @@ class Triangular(_Continuous):
     mode: float
     high: float
 
-    def _inverse(self, q: Vector) -> Vector:
+    def _invert(self, q: Vector) -> Vector:
         width = self.high - self.low
         below = (self.mode - self.low) / width
         rising = self.low + width * np.sqrt(q * below)

@@ -49,7 +49,7 @@ _SCHEMAS = Path(__file__).parent / "schemas"
 
 
 @cache
-def _etree() -> Any:
+def _import_etree() -> Any:
     """Return the XML library, imported on first use so that other commands start faster."""
     from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -68,7 +68,7 @@ def parse(content: bytes, where: str, kind: str) -> XmlElement:
         CommandError: If the document does not follow the schema, or has a document type, which can define
             entities.
     """
-    etree = _etree()
+    etree = _import_etree()
     # entities and external documents could read files or fill the memory
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
     try:
@@ -104,7 +104,7 @@ def check(root: XmlElement, where: str, kind: str) -> None:
             f"'{where}' is not a {_KINDS[kind]} of SSP, but has the root '{_shorten(root.tag)}'."
         )
     version = root.get("version", "")
-    schema = _schema(VERSION_2 if version.startswith("2.") else VERSION_1, kind)
+    schema = _load_schema(VERSION_2 if version.startswith("2.") else VERSION_1, kind)
     if not schema.validate(root):
         _check_faults(schema.error_log, where)
 
@@ -126,8 +126,8 @@ def _check_faults(errors: Iterable[Any], where: str) -> None:
 
 
 @cache
-def _schema(version: str, kind: str) -> Any:
-    etree = _etree()
+def _load_schema(version: str, kind: str) -> Any:
+    etree = _import_etree()
     name = NAMESPACES[kind].rpartition("/")[2]
     return etree.XMLSchema(etree.parse(str(_SCHEMAS / version / f"{name}.xsd")))
 
@@ -149,7 +149,7 @@ def children(element: XmlElement, *path: str) -> Iterable[XmlElement]:
 
 def local_name(element: XmlElement) -> str:
     """Return a tag without its namespace."""
-    return _etree().QName(element).localname
+    return _import_etree().QName(element).localname
 
 
 def read_units(root: XmlElement, owner: str, where: str) -> dict[str, SiUnit]:
@@ -217,7 +217,7 @@ def document(
         **attributes: The attributes of the root; None leaves one out.
     """
     namespaces = {p: NAMESPACES[p] for p in ("ssd", "ssc", "ssv", "ssm")} | (more or {})
-    root = _etree().Element(f"{{{NAMESPACES[kind]}}}{_KINDS[kind]}", nsmap=namespaces)
+    root = _import_etree().Element(f"{{{NAMESPACES[kind]}}}{_KINDS[kind]}", nsmap=namespaces)
     _set(root, {"version": version, **attributes})
     return root
 
@@ -232,7 +232,7 @@ def add(parent: XmlElement, tag: str, /, **attributes: str | None) -> XmlElement
     """
     prefix, local = tag.split(":")
     namespace = parent.nsmap[prefix]
-    element = _etree().SubElement(parent, f"{{{namespace}}}{local}")
+    element = _import_etree().SubElement(parent, f"{{{namespace}}}{local}")
     _set(element, attributes)
     return element
 
@@ -273,7 +273,7 @@ def format_float(value: float) -> str:
 
 def to_bytes(root: XmlElement) -> bytes:
     """Return a document as the content of a file."""
-    etree = _etree()
+    etree = _import_etree()
     etree.cleanup_namespaces(root)
     etree.indent(root, space="  ")
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"

@@ -323,7 +323,9 @@ class CouplingEstimate:
             )
             per_step = (self._clock() - start_time) / len(expected)
             coarse = change / (multiple**order - 1.0)
-            if len(coarse) < len(expected) or not _errors_agree(coarse, errors, multiple // stride, change):
+            if len(coarse) < len(expected) or not _do_errors_agree(
+                coarse, errors, multiple // stride, change
+            ):
                 break
             errors, stride = coarse, multiple
         rows = self._rows.get(begin, stride, len(errors))
@@ -370,7 +372,7 @@ class CouplingEstimate:
         return rows[stride - 1 :: stride, self._signals]
 
 
-def _errors_agree(coarse: Vector, fine: Vector, ratio: int, change: Vector) -> bool:
+def _do_errors_agree(coarse: Vector, fine: Vector, ratio: int, change: Vector) -> bool:
     """Return whether the error of coarse steps can be trusted; `ratio` is that of the distances of rows."""
     coarse_max = _find_largest(coarse[: max(len(fine) // ratio, 1)]).max()
     fine_max = _find_largest(fine).max()

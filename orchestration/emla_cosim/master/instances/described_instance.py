@@ -146,7 +146,7 @@ class DescribedInstance(FmuInstance):
         self.differentiates = file.has_capability("providesDirectionalDerivative") and not self.typed
         self.continuous_inputs = np.array([v.variability == "continuous" for v in self.read], dtype=bool)
         self.continuous_outputs = np.array([v.variability == "continuous" for v in self.written], dtype=bool)
-        self.nominals = np.array([_nominal(v) for v in self.written])
+        self.nominals = np.array([_read_nominal(v) for v in self.written])
         booleans = {"true": "1", "false": "0", None: "0"}
         self.input_starts = np.array([float(booleans.get(v.start, str(v.start))) for v in self.read])
         self.inputs, self.outputs = self.input_starts.copy(), np.zeros(len(self.written))
@@ -189,7 +189,7 @@ class DescribedInstance(FmuInstance):
         """Return the present value of a variable."""
 
 
-def _nominal(variable: ModelVariable) -> float:
+def _read_nominal(variable: ModelVariable) -> float:
     """Return the nominal value of a variable; 1 if the declared one is not positive and finite."""
     declared = abs(float(variable.nominal or 1.0))
     return declared if 0.0 < declared < float("inf") else 1.0

@@ -512,7 +512,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             if call.startswith("doStep") and self._step_end.complaint:
                 messages.append(self._step_end.complaint)
         error = kind(self.name, plain_name(call), answer, messages)
-        if kind is DiscardedStepError and (reached := self._last_successful_time()) > self._present.time:
+        if kind is DiscardedStepError and (reached := self._read_last_successful_time()) > self._present.time:
             error.args = (f"{error} It did this step until t = {reached:.9g} s.",)
         if hint := explain_earlier_exception(messages):
             error.args = (f"{error} {hint}",)
@@ -525,7 +525,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         requests_end = self._step_end.terminates if self._library.is_version_3 else self.asks_to_end()
         return EndRequestedError if requests_end else DiscardedStepError
 
-    def _last_successful_time(self) -> float:
+    def _read_last_successful_time(self) -> float:
         """Return the time in s that a discarded step has reached; NaN if the FMU does not know it."""
         return math.nan if self._library.is_version_3 else self.last_successful_time()
 

@@ -117,7 +117,7 @@ class TypedValues:
                 values = np.rint(values)
                 group.check(values)
             group.values[group.slots] = values != 0.0 if group.boolean else values
-            worst = max(worst, group.function(component, *group.arguments), key=_severity)
+            worst = max(worst, group.function(component, *group.arguments), key=_rank_status)
         return worst
 
     def check(self, vector: Vector) -> None:
@@ -129,13 +129,13 @@ class TypedValues:
         """Get all variables and return the worst status."""
         worst = 0
         for group in self.groups:
-            worst = max(worst, group.function(component, *group.arguments), key=_severity)
+            worst = max(worst, group.function(component, *group.arguments), key=_rank_status)
             values = group.values[group.slots]
             vector[group.elements] = values != 0 if group.boolean else values
         return worst
 
 
-def _severity(status: int) -> int:
+def _rank_status(status: int) -> int:
     """Return the order of a status: one that is not in the standard, also -1, is worse than a warning."""
     return status if status >= 0 else 1 - status
 

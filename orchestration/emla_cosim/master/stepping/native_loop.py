@@ -111,7 +111,7 @@ class NativeLoop:
             failure = self._call(run, first, count, steps_per_row, rows.ctypes.data)
         except SystemError as error:
             end = min(stepper.reached + 1, first + count)
-            raise self._python_error(error, clock.point(first), clock.point(end)) from error
+            raise self._make_python_error(error, clock.point(first), clock.point(end)) from error
         self.extra_thread_seconds += (self.threads - 1) * (time.perf_counter() - start)
         algorithm.steps += stepper.reached - first
         return int(stepper.recorded), self._make_error(failure, clock.point(stepper.reached + 1))
@@ -212,7 +212,7 @@ class NativeLoop:
             addresses = ctypes.addressof(self._stepper), ctypes.addressof(control)
             failure = self._call(self._library.control, *addresses, most, row_count, address)
         except SystemError as error:
-            raise self._python_error(error, start_time, control.end) from error
+            raise self._make_python_error(error, start_time, control.end) from error
         # each accepted step consists of two halves
         self._algorithm.steps += 2 * (control.accepted - accepted)
         return failure, None if failure == Failure.TOO_SHORT else self._make_error(failure, control.end)
@@ -230,7 +230,7 @@ class NativeLoop:
                 self._library.release_interrupts()
             self._algorithm.sweeps += self._stepper.sweeps
 
-    def _python_error(self, error: SystemError, begin: float, end: float) -> RunError:
+    def _make_python_error(self, error: SystemError, begin: float, end: float) -> RunError:
         network, stepper = self._algorithm.network, self._stepper
         return make_python_exception_error(network, error, begin, end, stepper.instance, stepper.status)
 

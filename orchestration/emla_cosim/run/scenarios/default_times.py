@@ -27,7 +27,7 @@ class Times:
 def read_times(interface: Interface) -> Times:
     """Return the times of an FMU's default experiment."""
     experiment = interface.description.defaultExperiment
-    return Times(*(_seconds(experiment, name) for name in ("startTime", "stopTime", "stepSize")))
+    return Times(*(_read_seconds(experiment, name) for name in ("startTime", "stopTime", "stepSize")))
 
 
 def choose_times(
@@ -77,7 +77,7 @@ def choose_times(
     return Times(start, stop, step), notes
 
 
-def _seconds(experiment: Any, name: str) -> float | None:
+def _read_seconds(experiment: Any, name: str) -> float | None:
     """Return a time of a default experiment, or None if it is missing or no number."""
     text = getattr(experiment, name, None)
     seconds = math.nan if text is None else float(text)

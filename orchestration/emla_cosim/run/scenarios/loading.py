@@ -72,9 +72,9 @@ def load_scenario(source: "str | Path | System", overrides: Mapping[str, Any]) -
         return load_scenario(recorded.source, recorded.with_options(overrides))
     read = ScenarioFile("", "", {}, str(path), Path())
     if is_fmu(path):
-        return _load_fmu(path, None, read, overrides, _package_origin(path))
+        return _load_fmu(path, None, read, overrides, _make_package_origin(path))
     if _is_ssp(path):
-        return _load_ssp(path, None, read, overrides, _package_origin(path))
+        return _load_ssp(path, None, read, overrides, _make_package_origin(path))
     raise CommandError(
         f"there is no scenario '{name}'; choose from {join_names(SCENARIOS)}, or name a file that ends in "
         ".toml, .ssp, .ssd or .fmu, or the run.json of a run.",
@@ -134,7 +134,7 @@ def _load_scenario_file(
     for further in STEPPING:
         options = options.merged(further(system, options.class_options))
     scenario = Scenario(
-        name, read.description, system, options, origin=origin.updated(values), remarks=_remarks
+        name, read.description, system, options, origin=origin.updated(values), remarks=_list_remarks
     )
     return replace(scenario, notes=scenario.notes_with(options))
 
@@ -160,7 +160,7 @@ def _find_system_file(read: ScenarioFile) -> ScenarioFile | None:
     return scenario_file
 
 
-def _remarks(system: System, options: Options) -> list[str]:
+def _list_remarks(system: System, options: Options) -> list[str]:
     return [note for remark in REMARKS for note in remark(system, options)]
 
 
@@ -183,7 +183,7 @@ def _load_fmu(
     with accept_faults(options.lenient):  # preparing lists them
         interface = read_interface(path)
         name_of_model = make_component_name(str(interface.description.modelName))
-        times, notes = _fmu_times(interface, options)
+        times, notes = _read_fmu_times(interface, options)
     return Scenario(
         name or name_of_model,
         read.description or " ".join(str(interface.description.description or "").split()),
@@ -203,7 +203,7 @@ def make_component_name(model: str) -> str:
     return name if name and not name[0].isdigit() else f"model_{name}".strip("_")
 
 
-def _fmu_times(interface: Interface, options: Options) -> tuple[dict[str, float], list[str]]:
+def _read_fmu_times(interface: Interface, options: Options) -> tuple[dict[str, float], list[str]]:
     """Return start, stop and step of the default experiment, and remarks on missing ones."""
     declared = read_times(interface)
     times, notes = choose_times(declared, options, "FMU")
@@ -230,7 +230,7 @@ def _load_ssp(
     with accept_faults(of_file.merged(values).lenient) as faults:
         document = resources.enter_context(read_ssp(path))
         weakref.finalize(document, resources.close)  # it names unpacked FMUs
-        times, notes = _times(document, of_file.merged(values))
+        times, notes = _read_times(document, of_file.merged(values))
     # a scenario file overrides the times of the package
     options = Options().updated(times).merged(read.options)
     return Scenario(
@@ -246,13 +246,13 @@ def _load_ssp(
     )
 
 
-def _package_origin(path: Path) -> RunOrigin:
+def _make_package_origin(path: Path) -> RunOrigin:
     """Return the origin for an SSP or an FMU, with its hash if it is a single file."""
-    file = path if _is_file(path) else _without_variant(path)
+    file = path if _is_file(path) else _strip_variant(path)
     return read_origin(path, file.read_bytes() if _is_file(file) else None)
 
 
-def _times(document: "SspDocument", options: Options) -> tuple[dict[str, float], list[str]]:
+def _read_times(document: "SspDocument", options: Options) -> tuple[dict[str, float], list[str]]:
     """Return the times of an SSP as options, and remarks on those that it does not have."""
     times, notes = Times(document.start_time, document.stop_time, document.step_size), list[str]()
     pairs = ((times.stop, options.stop_time), (times.step, options.step_size))
@@ -271,10 +271,10 @@ def is_fmu(path: Path) -> bool:
 
 def _is_ssp(path: Path) -> bool:
     """Return whether a path names an SSP, with or without a variant."""
-    return any(x.suffix.lower() in _SSP or _is_folder(x) for x in (path, _without_variant(path)))
+    return any(x.suffix.lower() in _SSP or _is_folder(x) for x in (path, _strip_variant(path)))
 
 
-def _without_variant(path: Path) -> Path:
+def _strip_variant(path: Path) -> Path:
     return path.parent / path.name.partition("#")[0]
 
 

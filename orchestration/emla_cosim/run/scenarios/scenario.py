@@ -254,7 +254,7 @@ class Scenario:
             run_times(options, self.name),
             options.inputs,
             options.outputs,
-            lambda names: _tracked(names, list_roles(self.system, options)),
+            lambda names: _list_tracked(names, list_roles(self.system, options)),
             options.platform,
             options.fmi,
             options.overwrite,
@@ -266,7 +266,7 @@ class Scenario:
             progress.note(f"Note: {remark}")
 
 
-def _tracked(names: Collection[str], roles: Mapping[str, str]) -> list[str]:
+def _list_tracked(names: Collection[str], roles: Mapping[str, str]) -> list[str]:
     """Return the signals that are compared with a reference, and the references."""
     pairs = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
     return [signal for pair in pairs for signal in pair]

@@ -35,14 +35,14 @@ def with_options(table: type[Struct], name: str, command: str) -> type[Struct]:
         command: The command.
     """
     fields = [
-        (option.name, _field_type(option), msgspec.UNSET)
+        (option.name, _make_field_type(option), msgspec.UNSET)
         for option in list_options(command).values()
         if option.in_file and option.name not in table.__struct_fields__
     ]
     return extend_struct(table, name, fields)
 
 
-def _field_type(option: Option) -> Any:
+def _make_field_type(option: Option) -> Any:
     def read(value: Any, at: Location, folder: Path | None) -> Any:
         return read_option(option.name, value, at.label, folder)
 
@@ -51,10 +51,10 @@ def _field_type(option: Option) -> Any:
         has_tables = dataclasses.is_dataclass(get_args(option.type)[1])
         settings["extra"] = {"is_value": lambda _: has_tables}
         settings["extra_json_schema"] = {} if has_tables else {"x-dotted": True}
-    return Annotated[_option_type(option), describe(option.help, read=read, **settings)]
+    return Annotated[_make_option_type(option), describe(option.help, read=read, **settings)]
 
 
-def _option_type(option: Option) -> Any:
+def _make_option_type(option: Option) -> Any:
     """Return the type of the value as TOML has it, from which the schema follows."""
     type_ = option.plain_type
     if option.choices is not None:

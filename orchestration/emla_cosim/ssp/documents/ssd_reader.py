@@ -120,60 +120,63 @@ class _Reader:
     def _locate(self, element: XmlElement) -> str:
         return f"'{self._where}' line {element.sourceline}"
 
-    def _fault(self, element: XmlElement, text: str) -> CommandError:
+    def _make_fault(self, element: XmlElement, text: str) -> CommandError:
         return CommandError(f"{self._locate(element)}: {text}.")
 
     def system(self, element: XmlElement) -> SystemElement:
         """Read a System element."""
         return SystemElement(
-            **self._common(element),
-            elements=tuple(self._elements(element)),
+            **self._read_common(element),
+            elements=tuple(self._read_elements(element)),
             connections=tuple(
-                self._connection(c) for c in children(element, "ssd:Connections", "ssd:Connection")
+                self._read_connection(c) for c in children(element, "ssd:Connections", "ssd:Connection")
             ),
             dictionaries=tuple(
                 d.get("name") for d in children(element, "ssd:SignalDictionaries", "ssd:SignalDictionary")
             ),
         )
 
-    def _elements(self, system: XmlElement) -> Iterator[Element]:
+    def _read_elements(self, system: XmlElement) -> Iterator[Element]:
         names = set()
         for element in children(system, "ssd:Elements", "*"):
             name = element.get("name")
             if name in names:
-                raise self._fault(element, f"the system '{system.get('name')}' has a second element '{name}'")
+                raise self._make_fault(
+                    element, f"the system '{system.get('name')}' has a second element '{name}'"
+                )
             names.add(name)
-            yield self._element(element)
+            yield self._read_element(element)
 
-    def _element(self, element: XmlElement) -> Element:
+    def _read_element(self, element: XmlElement) -> Element:
         match local_name(element):
             case "System":
                 return self.system(element)
             case "SignalDictionaryReference":
-                return DictionaryReference(**self._common(element), dictionary=element.get("dictionary"))
+                return DictionaryReference(**self._read_common(element), dictionary=element.get("dictionary"))
             case _:
                 return ComponentElement(
-                    **self._common(element),
+                    **self._read_common(element),
                     source=element.get("source", ""),
                     type=element.get("type", FMU),
                     implementation=element.get("implementation", "any"),
                 )
 
-    def _common(self, element: XmlElement) -> dict[str, Any]:
+    def _read_common(self, element: XmlElement) -> dict[str, Any]:
         geometry = child(element, "ssd:ElementGeometry")
         return {
             "name": element.get("name"),
             "connectors": tuple(
-                self._connector(c) for c in children(element, "ssd:Connectors", "ssd:Connector")
+                self._read_connector(c) for c in children(element, "ssd:Connectors", "ssd:Connector")
             ),
             "bindings": tuple(
-                self._binding(b) for b in children(element, "ssd:ParameterBindings", "ssd:ParameterBinding")
+                self._read_binding(b)
+                for b in children(element, "ssd:ParameterBindings", "ssd:ParameterBinding")
             ),
             "extent": None if geometry is None else tuple(float(geometry.get(c)) for c in CORNERS),
             "id": element.get("id"),
         }
 
-    def _connector(self, element: XmlElement) -> Connector:
+    def _read_connector(self, element: XmlElement) -> Connector:
         # SSP 2.0 has the dimensions of an array beside its type
         typed = [e for e in children(element, "ssc:*") if local_name(e) != "Dimension"]
         geometry = child(element, "ssd:ConnectorGeometry")
@@ -184,61 +187,61 @@ class _Reader:
             unit=read_unit(typed[0], self._units, self._where) if typed else None,
             position=(float(geometry.get("x")), float(geometry.get("y"))) if geometry is not None else None,
             dimensions=tuple(
-                self._dimension(d, element.get("name")) for d in children(element, "ssc:Dimension")
+                self._read_dimension(d, element.get("name")) for d in children(element, "ssc:Dimension")
             ),
             location=self._locate(element),
         )
 
-    def _dimension(self, element: XmlElement, owner: str) -> Dimension:
+    def _read_dimension(self, element: XmlElement, owner: str) -> Dimension:
         size, connector = element.get("size"), element.get("sizeConnector")
         if size is not None and connector is not None:
-            raise self._fault(
+            raise self._make_fault(
                 element, f"a Dimension of '{owner}' has both size and sizeConnector; only one is allowed"
             )
         return Dimension(None if size is None else int(size), connector)
 
-    def _binding(self, element: XmlElement) -> ParameterBinding:
+    def _read_binding(self, element: XmlElement) -> ParameterBinding:
         mapping = child(element, "ssd:ParameterMapping")
-        values = self._content(element, child(element, "ssd:ParameterValues"), "ssv")
+        values = self._read_content(element, child(element, "ssd:ParameterValues"), "ssv")
         return ParameterBinding(
             values=values if isinstance(values, FileReference) else read_parameter_set(values, self._where),
             prefix=element.get("prefix", ""),
-            mapping=self._mapping(mapping) if mapping is not None else None,
+            mapping=self._read_mapping(mapping) if mapping is not None else None,
             renames=any(
                 a.get("type") == RENAMES for a in children(element, "ssd:Annotations", "ssc:Annotation")
             ),
         )
 
-    def _connection(self, element: XmlElement) -> SsdConnection:
+    def _read_connection(self, element: XmlElement) -> SsdConnection:
         geometry = child(element, "ssd:ConnectionGeometry")
         x, y = (
             [float(p) for p in geometry.get(name).split()] if geometry is not None else []
             for name in ("pointsX", "pointsY")
         )
         return SsdConnection(
-            start_element=self._element_name(element, "startElement"),
+            start_element=self._read_element_name(element, "startElement"),
             start_connector=element.get("startConnector"),
-            end_element=self._element_name(element, "endElement"),
+            end_element=self._read_element_name(element, "endElement"),
             end_connector=element.get("endConnector"),
             transformation=read_transformation(element, self._where),
             suppress_unit_conversion=parse_boolean(element.get("suppressUnitConversion")),
             waypoints=tuple(zip(x, y, strict=False)),
-            start_indices=self._indices(element, "startIndices"),
-            end_indices=self._indices(element, "endIndices"),
+            start_indices=self._read_indices(element, "startIndices"),
+            end_indices=self._read_indices(element, "endIndices"),
             location=self._locate(element),
         )
 
-    def _indices(self, connection: XmlElement, attribute: str) -> tuple[int, ...]:
+    def _read_indices(self, connection: XmlElement, attribute: str) -> tuple[int, ...]:
         """Return the indices of an array's element, empty without the attribute."""
         text = connection.get(attribute)
         indices = tuple(map(int, text.split())) if text is not None else ()
         if text is not None and (not indices or 0 in indices):
-            raise self._fault(
+            raise self._make_fault(
                 connection, f"the {attribute} '{text}' must be one number for each dimension, at least 1"
             )
         return indices
 
-    def _element_name(self, connection: XmlElement, attribute: str) -> str | None:
+    def _read_element_name(self, connection: XmlElement, attribute: str) -> str | None:
         """Return the element at an end of a connection, None for the system itself."""
         name = connection.get(attribute)
         if name == "":
@@ -246,16 +249,16 @@ class _Reader:
             return None
         return name
 
-    def _mapping(self, element: XmlElement) -> Any:
-        entries = self._content(element, element, "ssm")
+    def _read_mapping(self, element: XmlElement) -> Any:
+        entries = self._read_content(element, element, "ssm")
         return entries if isinstance(entries, FileReference) else read_mapping(entries, self._where)
 
-    def _content(self, element: XmlElement, holder: XmlElement | None, kind: str) -> Any:
+    def _read_content(self, element: XmlElement, holder: XmlElement | None, kind: str) -> Any:
         """Return the reference to an element's file, or its inline content."""
         if element.get("source") is not None:
             return FileReference(element.get("source"), element.get("sourceBase", "SSD"))
         inside = holder[0] if holder is not None and len(holder) else None
         if inside is None:
-            raise self._fault(element, f"the {local_name(element)} has neither a source nor content")
+            raise self._make_fault(element, f"the {local_name(element)} has neither a source nor content")
         check(inside, self._where, kind)
         return inside

@@ -53,16 +53,16 @@ def format_structure(structure: Structure) -> bytes:
         description=structure.description or None,
     )
     _add_system(root, structure.system, structure.step_size, structure.is_continuous)
-    add_units(root, "ssd", _units(structure.system))
+    add_units(root, "ssd", _list_units(structure.system))
     start, stop = (
         None if t is None else format_float(t) for t in (structure.start_time, structure.stop_time)
     )
     experiment = add(root, "ssd:DefaultExperiment", startTime=start, stopTime=stop)
     if structure.step_size is not None:
-        algorithm = add(_annotation(experiment, _OPEN_SIMULATION_PLATFORM), "osp:Algorithm")
+        algorithm = add(_add_annotation(experiment, _OPEN_SIMULATION_PLATFORM), "osp:Algorithm")
         add(algorithm, "osp:FixedStepAlgorithm", baseStepSize=format_float(structure.step_size))
     if structure.samples or structure.bonds:
-        annotation = add(_annotation(experiment, SYSTEM), "emla:System")
+        annotation = add(_add_annotation(experiment, SYSTEM), "emla:System")
         for component in structure.samples:
             add(annotation, "emla:Samples", component=component)
         for name, bond in structure.bonds.items():
@@ -70,16 +70,16 @@ def format_structure(structure: Structure) -> bytes:
     return to_bytes(root)
 
 
-def _annotation(parent: XmlElement, type_: str) -> XmlElement:
+def _add_annotation(parent: XmlElement, type_: str) -> XmlElement:
     group = child(parent, "ssd:Annotations")
     return add(add(parent, "ssd:Annotations") if group is None else group, "ssc:Annotation", type=type_)
 
 
-def _units(element: Element) -> Iterator[SiUnit | None]:
+def _list_units(element: Element) -> Iterator[SiUnit | None]:
     yield from (c.unit for c in element.connectors)
     if isinstance(element, SystemElement):
         for inside in element.elements:
-            yield from _units(inside)
+            yield from _list_units(inside)
 
 
 def _add_steps(system: XmlElement, step_size: float, is_continuous: bool) -> None:
@@ -87,7 +87,7 @@ def _add_steps(system: XmlElement, step_size: float, is_continuous: bool) -> Non
 
     It integrates Model Exchange only in systems with a solver. There, a step has at most the largest length.
     """
-    inside = add(_annotation(system, _OPENMODELICA), "oms:Annotations")
+    inside = add(_add_annotation(system, _OPENMODELICA), "oms:Annotations")
     information = add(inside, "oms:SimulationInformation")
     if is_continuous:
         # our reader takes the largest step as the communication step
@@ -162,25 +162,27 @@ def _add_connector(group: XmlElement, connector: Connector) -> None:
 
 
 def _add_binding(group: XmlElement, binding: ParameterBinding) -> None:
-    added = add(group, "ssd:ParameterBinding", **_source(binding.values), prefix=binding.prefix or None)
+    added = add(
+        group, "ssd:ParameterBinding", **_format_source(binding.values), prefix=binding.prefix or None
+    )
     if not isinstance(binding.values, FileReference):
-        inside = add(add(added, "ssd:ParameterValues"), "ssv:ParameterSet", version=_version(group))
+        inside = add(add(added, "ssd:ParameterValues"), "ssv:ParameterSet", version=_choose_version(group))
         inside.set("name", binding.values.name)
         add_parameter_set(inside, binding.values)
     if binding.mapping is not None:
-        mapping = add(added, "ssd:ParameterMapping", **_source(binding.mapping))
+        mapping = add(added, "ssd:ParameterMapping", **_format_source(binding.mapping))
         if not isinstance(binding.mapping, FileReference):
-            add_mapping(add(mapping, "ssm:ParameterMapping", version=_version(group)), binding.mapping)
+            add_mapping(add(mapping, "ssm:ParameterMapping", version=_choose_version(group)), binding.mapping)
     if binding.renames:
-        _annotation(added, RENAMES)
+        _add_annotation(added, RENAMES)
 
 
-def _version(element: XmlElement) -> str:
+def _choose_version(element: XmlElement) -> str:
     """Return the version of the document with an element."""
     return element.getroottree().getroot().get("version")
 
 
-def _source(content: object) -> dict[str, str | None]:
+def _format_source(content: object) -> dict[str, str | None]:
     if not isinstance(content, FileReference):
         return {}
     return {"source": content.source, "sourceBase": content.base if content.base != "SSD" else None}

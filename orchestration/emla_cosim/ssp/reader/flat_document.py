@@ -67,7 +67,7 @@ def read_ssp(path: Path) -> Iterator[SspDocument]:
     with contextlib.ExitStack() as stack:
         package = stack.enter_context(open_package(path))
         try:
-            document = _document(load_structure(package, stack), package)
+            document = _make_document(load_structure(package, stack), package)
         except (AttributeError, TypeError, ValueError, KeyError) as error:
             if not is_lenient():  # otherwise a document that violates the schema lacks something
                 raise
@@ -75,7 +75,7 @@ def read_ssp(path: Path) -> Iterator[SspDocument]:
         yield document
 
 
-def _document(structure: Structure, package: Package) -> SspDocument:
+def _make_document(structure: Structure, package: Package) -> SspDocument:
     @cache  # many components can have one FMU
     def read(source: str, structure: tuple[tuple[str, int], ...]) -> Interface:
         return read_interface(Path(source), dict(structure))

@@ -189,7 +189,10 @@ def _expand(
     names = {name: {c.name: c for c in owner.connectors} for name, owner in owners.items()}
     system_shapes = declared_shapes(system)
     for x in system.connections:
-        for (inside, name, index), (outside, system_name, system_index) in (_ends(x), _ends(x)[::-1]):
+        for (inside, name, index), (outside, system_name, system_index) in (
+            _split_ends(x),
+            _split_ends(x)[::-1],
+        ):
             is_whole = outside is None and inside is not None and not (index or system_index)
             if is_whole and (indices := _find_shape(inside, name, shapes, names)):
                 system_shapes.setdefault(system_name, indices)  # a declared size has precedence
@@ -203,7 +206,7 @@ _End = tuple[str | None, str, tuple[int, ...]]
 """Element, connector and indices."""
 
 
-def _ends(connection: SsdConnection) -> tuple[_End, _End]:
+def _split_ends(connection: SsdConnection) -> tuple[_End, _End]:
     return (
         (connection.start_element, connection.start_connector, connection.start_indices),
         (connection.end_element, connection.end_connector, connection.end_indices),
@@ -233,7 +236,7 @@ def _expand_connection(
     connection: SsdConnection, shapes: Mapping[str | None, Shapes], names: _Names
 ) -> Iterator[SsdConnection]:
     """Yield the connections of elements; the connection itself if it is of scalars or has unknown ends."""
-    label, ends = f"{connection.location}: the connection {connection}", _ends(connection)
+    label, ends = f"{connection.location}: the connection {connection}", _split_ends(connection)
     end_shapes = [_find_shape(element, name, shapes, names) for element, name, _ in ends]
     if not all(
         f or name in names.get(element, {}) for f, (element, name, _) in zip(end_shapes, ends, strict=True)

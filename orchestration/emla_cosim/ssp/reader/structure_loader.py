@@ -207,7 +207,7 @@ class _Loader:
         self._where = package.name
         self._by_id: dict[str, SystemElement] = {}
 
-    def _fault(self, text: str) -> CommandError:
+    def _make_fault(self, text: str) -> CommandError:
         return CommandError(f"'{self._where}': {text}")
 
     def structure(self) -> Structure:
@@ -233,7 +233,7 @@ class _Loader:
         if not isinstance(element, ComponentElement):
             return element
         if next(self._count) > _MOST_COMPONENTS:
-            raise self._fault(f"the structure has more than {_MOST_COMPONENTS} components.")
+            raise self._make_fault(f"the structure has more than {_MOST_COMPONENTS} components.")
         match element.type:
             case _ if element.source.startswith("#"):
                 return self._load_same_document(element)
@@ -242,16 +242,16 @@ class _Loader:
             case t if t in (SSD, SSP):
                 return self._load_other_document(element)
             case other:
-                raise self._fault(
+                raise self._make_fault(
                     f"the component '{element.name}' is of type '{other}'; this master supports FMUs and "
                     "systems."
                 )
 
     def _load_fmu(self, component: ComponentElement) -> ComponentElement:
         if not component.source:
-            raise self._fault(f"the component '{component.name}' has no source.")
+            raise self._make_fault(f"the component '{component.name}' has no source.")
         if component.implementation not in ("any", *KINDS.values()):
-            raise self._fault(
+            raise self._make_fault(
                 f"the component '{component.name}' requires {component.implementation}; this "
                 f"master supports {join_names(KINDS.values())}."
             )
@@ -271,7 +271,7 @@ class _Loader:
     def _find_by_id(self, id_: str, component: ComponentElement) -> SystemElement:
         system = self._by_id.get(unquote(id_))
         if system is None:
-            raise self._fault(
+            raise self._make_fault(
                 f"the component '{component.name}' refers to '{component.source}', but no system has this id."
             )
         return system
@@ -293,11 +293,13 @@ class _Loader:
     def _make_inner_loader(self, file: str, component: ComponentElement) -> "_Loader":
         outer_files = self._outer_files or (f"{self._package.ssd.resolve()}#",)
         if file in outer_files:
-            raise self._fault(
+            raise self._make_fault(
                 f"the component '{component.name}' refers to '{component.source}', which contains it."
             )
         if len(outer_files) > _DEEPEST:
-            raise self._fault(f"the component '{component.name}' is nested more than {_DEEPEST} levels deep.")
+            raise self._make_fault(
+                f"the component '{component.name}' is nested more than {_DEEPEST} levels deep."
+            )
         return _Loader(self._package, self._stack, (*outer_files, file), self._count)
 
     def _insert_system(self, component: ComponentElement, system: SystemElement) -> SystemElement:
@@ -321,13 +323,15 @@ class _Loader:
         """Return the connector of a component and its system; raise CommandError if they differ."""
         name = f"the connector '{outside.name}' of the component '{component.name}'"
         if inside is None:
-            raise self._fault(f"{name} is not one of '{component.source}'.")
+            raise self._make_fault(f"{name} is not one of '{component.source}'.")
         if outside.kind != inside.kind:
-            raise self._fault(f"{name} is of kind {outside.kind}, in '{component.source}' {inside.kind}.")
+            raise self._make_fault(
+                f"{name} is of kind {outside.kind}, in '{component.source}' {inside.kind}."
+            )
         if outside.unit is None or inside.unit is None:  # one of the documents may leave it out
             return replace(inside, unit=inside.unit or outside.unit)
         if not outside.unit.measures_as(inside.unit):
-            raise self._fault(f"{name} is in {outside.unit}, in '{component.source}' in {inside.unit}.")
+            raise self._make_fault(f"{name} is in {outside.unit}, in '{component.source}' in {inside.unit}.")
         return inside
 
     def _load_binding(self, binding: ParameterBinding, fmu: Path | None) -> ParameterBinding:

@@ -283,17 +283,17 @@ class _Level:
             return start.node, end.node
         if end.is_source and start.is_target:
             return end.node, start.node
-        raise self._fault(connection, "does not lead from an output to an input")
+        raise self._make_fault(connection, "does not lead from an output to an input")
 
     def _find_end(self, connection: SsdConnection, element: str | None, name: str) -> _ConnectionEnd:
         if element is not None and element not in self._elements:
             has = join_names(self._elements) if self._elements else "none"
             text = f"names the element '{element}'; the system '{self._system.name}' has {has}"
-            raise self._fault(connection, text)
+            raise self._make_fault(connection, text)
         owner, connectors = self._owners[element], self._connectors[element]
         if name not in connectors:
             has = join_names(connectors) if connectors else "none"
-            raise self._fault(connection, f"names the connector '{name}'; '{owner.name}' has {has}")
+            raise self._make_fault(connection, f"names the connector '{name}'; '{owner.name}' has {has}")
         if isinstance(owner, DictionaryReference):
             if owner.dictionary not in self._dictionaries:
                 raise self._wiring.fault(
@@ -307,7 +307,7 @@ class _Level:
             interface = self._wiring.fmus[(*self._path, owner.name)].interface
             if name in interface.without_value and name not in interface.variables:
                 kind = interface.without_value[name]
-                raise self._fault(
+                raise self._make_fault(
                     connection,
                     f"joins '{owner.name}.{name}' of the type {kind}, which this master does not connect",
                 )
@@ -328,5 +328,5 @@ class _Level:
                 "in another one."
             )
 
-    def _fault(self, connection: SsdConnection, text: str) -> CommandError:
+    def _make_fault(self, connection: SsdConnection, text: str) -> CommandError:
         return self._wiring.fault(f"the connection {connection} {text}.", connection.location)

@@ -55,7 +55,7 @@ ENDS = ("fixed-free", "supported-supported", "fixed-supported", "fixed-fixed")
 """Bearings at the ends of a screw."""
 
 
-def _current(key: str, about: str) -> SheetEntry:
+def _make_current_entry(key: str, about: str) -> SheetEntry:
     return SheetEntry(key, "A", "12 A rms", about, rms=ROOT_2)
 
 
@@ -71,8 +71,8 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
         SheetEntry("L_q", "H", "7 mH per phase", "inductance of the q-axis, with L_d", between=0.5),
         SheetEntry("J_m", "kg.m2", "9.6 kg cm^2", "rotor inertia", needed=True),
         SheetEntry("B_m", "N.m.s/rad", "0.05 N m/krpm", "viscous friction of the rotor", positive=False),
-        _current("i_N", "continuous stall current"),
-        _current("i_max", "peak current"),
+        _make_current_entry("i_N", "continuous stall current"),
+        _make_current_entry("i_max", "peak current"),
         SheetEntry("tau_N", "N.m", "8.4 N m", "continuous stall torque"),
         SheetEntry("tau_max", "N.m", "25 N m", "peak torque"),
         SheetEntry("tau_R", "N.m", "7.1 N m", "continuous torque at the speed n_R"),
@@ -113,15 +113,15 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
             "length of the largest voltage vector: peak voltage of a phase",
             ROOT_2,
         ),
-        _current("i_max", "largest current"),
+        _make_current_entry("i_max", "largest current"),
         SheetEntry("delay", "s", "0.1 ms", "time after which a voltage takes effect", positive=False),
         SheetEntry("dead_time", "s", "0.4 us", "dead time that is not compensated", positive=False),
         SheetEntry("f_PWM", "Hz", "8 kHz", "switching frequency"),
-        _current("i_N", "continuous current"),
+        _make_current_entry("i_N", "continuous current"),
         SheetEntry("C_DC", "A.s/V", "470 uF", "capacitance of the DC link, with U_brake"),
         SheetEntry("U_brake", "V", "780 V", "voltage of the DC link at which the brake resistor turns on"),
         SheetEntry("P_brake", "W", "150 W", "continuous power of the brake resistor"),
-        _current("i_0", "phase current below which dead time has less effect"),
+        _make_current_entry("i_0", "phase current below which dead time has less effect"),
     ),
     "sensor": (
         SheetEntry("bits", "", "20", "bits per motor turn", is_integer=True, most=64.0),

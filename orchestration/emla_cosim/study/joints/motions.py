@@ -196,7 +196,7 @@ ACTUATOR_PARTS = ("bearing", "screw", "nut", "backlash")
 """What of a load that is not rigid belongs to the actuator."""
 
 
-def _stiffness(part: str) -> msgspec.Meta:
+def _make_stiffness_meta(part: str) -> msgspec.Meta:
     return quantity("N/m", f"stiffness of the {part}", "1200 N/um", gt=0.0)
 
 
@@ -213,10 +213,10 @@ class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     always: Annotated[bool, describe("whether the joint always runs with this load")] = False
     mass: Annotated[float, quantity("kg", "mass of the load", 5e3, gt=0.0)]
-    bearing: Annotated[float, _stiffness("bearing")]
-    screw: Annotated[float, _stiffness("screw")]
-    nut: Annotated[float, _stiffness("nut")]
-    structure: Annotated[float, _stiffness("structure")]
+    bearing: Annotated[float, _make_stiffness_meta("bearing")]
+    screw: Annotated[float, _make_stiffness_meta("screw")]
+    nut: Annotated[float, _make_stiffness_meta("nut")]
+    structure: Annotated[float, _make_stiffness_meta("structure")]
     damping_ratio: Annotated[float, quantity("", "damping ratio of the load", 0.02)] = 0.0
     backlash: Annotated[float, quantity("m", "backlash", 3e-6)] = 0.0
 

@@ -59,7 +59,7 @@ def numbers(unit: str, about: str, example: Any = None, counts: tuple[int, ...] 
     """
 
     def read(value: Any, at: Location, folder: Path | None) -> tuple[Number, ...]:
-        items = _items(value, at)
+        items = _list_items(value, at)
         if counts and len(items) not in counts:
             raise CommandError(
                 f"{at.label} is {value!r}; it must have {' or '.join(map(str, counts))} numbers."
@@ -73,12 +73,12 @@ def joint_values(about: str, example: Any = None) -> msgspec.Meta:
     """Annotate a list of angles in rad and distances in m, or a single one."""
 
     def read(value: Any, at: Location, folder: Path | None) -> tuple[float, ...]:
-        return tuple(_read_joint_value(x, x_at, folder) for x, x_at in _items(value, at))
+        return tuple(_read_joint_value(x, x_at, folder) for x, x_at in _list_items(value, at))
 
     return describe(f"{about} [rad or m]", example, read=read)
 
 
-def _items(value: Any, at: Location) -> list[tuple[Any, Location]]:
+def _list_items(value: Any, at: Location) -> list[tuple[Any, Location]]:
     """Return the items of a list with their locations, or a single value with its own."""
     if not isinstance(value, (list, tuple)):
         return [(value, at)]

@@ -330,7 +330,7 @@ def find_start(machine: Machine, strokes: Sequence[float], label: str) -> Start:
         require_extra("build", f"{label}, whose poses no formula gives,")
     guess = None
     if closure.iterated:
-        pose = _reach(mechanism, closure, strokes, label)
+        pose = _compute_coordinates(mechanism, closure, strokes, label)
         guess = {i: pose[i] for i in closure.iterated}
     passive = _find_rest(machine, strokes, label) if mechanism.passive else []
     at_rest = Dynamics(mechanism, closure, strokes, passive, guess, _ITERATIONS)
@@ -338,14 +338,18 @@ def find_start(machine: Machine, strokes: Sequence[float], label: str) -> Start:
     masses = [float(plain(M[i][i])) for i in range(len(strokes))]
     # formulas give NaN where a triangle does not close
     if not all(map(math.isfinite, masses)):
-        _reach(mechanism, closure, strokes, label)  # the message says which triangle does not close
+        _compute_coordinates(
+            mechanism, closure, strokes, label
+        )  # the message says which triangle does not close
     numbers = at_rest.pose.numbers
     values = {f"start.pose[{n}]": float(plain(numbers[i])) for n, i in enumerate(closure.iterated, 1)}
     values |= {f"start.passive.q[{n}]": x for n, x in enumerate(passive, 1)}
     return Start(values, masses)
 
 
-def _reach(mechanism: Mechanism, closure: Closure, strokes: Sequence[float], label: str) -> list[float]:
+def _compute_coordinates(
+    mechanism: Mechanism, closure: Closure, strokes: Sequence[float], label: str
+) -> list[float]:
     """Return the coordinates at strokes in m; raise CommandError if the machine cannot take this pose."""
     lengths = dict(closure.lengths)
     for bar, stroke in zip(mechanism.actuators, strokes, strict=True):

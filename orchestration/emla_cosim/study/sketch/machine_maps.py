@@ -136,7 +136,7 @@ def _draw_maps(
             tidy_axes(axes)
         else:
             axes.set_ylabel(f"stroke of {machine.names[map_.axes[1]]} / m", fontsize=8)
-            _fill(figure, axes, map_, values[i], colors)
+            _draw_contours(figure, axes, map_, values[i], colors)
             axes.plot(*start, "o", color=DARK, markersize=4)
         axes.tick_params(labelsize=8)
         add(axes, i)
@@ -146,7 +146,7 @@ def _draw_maps(
     return figure
 
 
-def _fill(figure: "Figure", axes: "Axes", map_: Map, values: Vector, colors: str) -> None:
+def _draw_contours(figure: "Figure", axes: "Axes", map_: Map, values: Vector, colors: str) -> None:
     """Draw values over two strokes as colours with lines; zero is the middle of colours for both signs."""
     from matplotlib.ticker import MaxNLocator
 

@@ -141,7 +141,7 @@ def convex_line(points: Vector) -> Vector:
     def follow(points: Sequence[Sequence[float]]) -> list[Sequence[float]]:
         line = list[Sequence[float]]()
         for x, y in points:
-            while len(line) > 1 and not _turns_left(line[-2], line[-1], (x, y)):
+            while len(line) > 1 and not _is_left_turn(line[-2], line[-1], (x, y)):
                 line.pop()
             line.append((x, y))
         return line[:-1]
@@ -149,7 +149,7 @@ def convex_line(points: Vector) -> Vector:
     return np.array([*follow(in_order), *follow(in_order[::-1])])
 
 
-def _turns_left(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> bool:
+def _is_left_turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> bool:
     return (b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0])
 
 

@@ -39,7 +39,7 @@ class View:
         return np.zeros(len(points)) if self.toward is None else points @ np.array(self.toward)
 
 
-def _oblique(azimuth: float, elevation: float) -> View:
+def _make_oblique_view(azimuth: float, elevation: float) -> View:
     sin_a, cos_a, sin_e, cos_e = (
         f(math.radians(x)) for x in (azimuth, elevation) for f in (math.sin, math.cos)
     )
@@ -48,7 +48,7 @@ def _oblique(azimuth: float, elevation: float) -> View:
 
 
 PLANE = View("", ((1.0, 0.0), (0.0, 1.0)), None, ("x / m", "y / m"))
-OBLIQUE = _oblique(-62.0, 20.0)
+OBLIQUE = _make_oblique_view(-62.0, 20.0)
 THREE_SIDES = (
     View("front", ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), (0.0, -1.0, 0.0), ("x / m", "z / m")),
     View("side", ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (1.0, 0.0, 0.0), ("y / m", "z / m")),

@@ -147,7 +147,7 @@ def _draw_panel(axes: "Axes", panel: Plot) -> "dict[str, Artist]":
     axes.tick_params(bottom=False, left=False)  # the grid shows the ticks; drawing them takes a tenth longer
     axes.locator_params(nbins=5)
     for limit in _find_near_limits(panel):
-        entries[fill(f"beyond the {limit.label}", _LINE_LETTERS)] = _shade(axes, limit)
+        entries[fill(f"beyond the {limit.label}", _LINE_LETTERS)] = _draw_shaded_limit(axes, limit)
     if not panel.lines:
         axes.text(0.5, 0.5, "no such signal", transform=axes.transAxes, ha="center", color=GREY, fontsize=9)
     return entries
@@ -167,7 +167,7 @@ def draw_line(axes: "Axes", line: Line) -> "Artist":
     return artist
 
 
-def _shade(axes: "Axes", limit: Limit) -> "Artist":
+def _draw_shaded_limit(axes: "Axes", limit: Limit) -> "Artist":
     """Shade the area beyond a limit, and return it for a legend."""
     from matplotlib.patches import Patch
 
