@@ -63,7 +63,7 @@ class _Transfer:
     ) -> None:
         self._member, self._variables = member, variables
         self._values = np.zeros(len(variables))
-        self._call = (member.writer if writes else member.reader)(variables, self._values)
+        self._call = (member.make_writer if writes else member.make_reader)(variables, self._values)
         self._signals: Indices = np.array(signals, dtype=np.intp)
         self._factors, self._offsets = np.array(factors), np.array(offsets)
 

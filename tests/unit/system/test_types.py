@@ -12,7 +12,7 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.base.units import LinearTransformation
 from emla_cosim.master.algorithms.registry import Jacobi
 from emla_cosim.master.assembly import Assembly
-from emla_cosim.master.instances.described_instance import _nominal
+from emla_cosim.master.instances.described_instance import _read_nominal
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, Connection, System
@@ -170,4 +170,4 @@ NOMINALS = [("0", 1.0), ("nan", 1.0), ("inf", 1.0), ("-3", 3.0), ("2.5", 2.5), (
 
 @pytest.mark.parametrize(("declared", "nominal"), NOMINALS)
 def test_invalid_nominal_is_ignored(declared: str | None, nominal: float) -> None:
-    assert _nominal(SimpleNamespace(nominal=declared)) == nominal  # type: ignore[arg-type]
+    assert _read_nominal(SimpleNamespace(nominal=declared)) == nominal  # type: ignore[arg-type]
