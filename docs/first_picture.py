@@ -17,7 +17,7 @@ from PIL import Image
 
 import emla_cosim as ec
 from emla_cosim.base.colors import RED
-from emla_cosim.study.sketch.movement import Movement, read_movement, recorded_signals
+from emla_cosim.study.sketch.movement import Movement, read_movement, list_recorded_signals
 from emla_cosim.study.sketch.scene import Scene
 from emla_cosim.views.plots.style import save
 
@@ -56,7 +56,7 @@ def run() -> Movement:
     with ec.load("excavator").prepare() as simulation:
         result = simulation.run(set=DRIVE, stop_time=STOP, output_interval=STEP)
     assert all(joint["held"] for joint in result.metrics["joints"].values())
-    data: dict[str, Any] = {name: result[name] for name in recorded_signals(result)}
+    data: dict[str, Any] = {name: result[name] for name in list_recorded_signals(result)}
     movement = read_movement(result, {"time": np.asarray(result.time), **data})
     assert movement is not None
     return movement
