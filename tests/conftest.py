@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, chdir
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -101,9 +102,10 @@ def hash_models_once() -> None:
     compute_key, keys = Recipe.key, dict[object, str | None]()
 
     def find_key(recipe: Recipe) -> str | None:
-        if recipe.block.is_restricted or type(recipe.block) not in MODELS.values():
+        block = recipe.block
+        if block.is_restricted or vars(block) or type(block) not in MODELS.values():
             return compute_key(recipe)
-        made_from = type(recipe.block), repr(recipe._settings)
+        made_from = type(block), repr(replace(recipe, block=type(block)))
         if made_from not in keys:
             keys[made_from] = compute_key(recipe)
         return keys[made_from]
