@@ -41,7 +41,7 @@ FRAGILE = """
             return {"y": v.u * v.x}
 
         def err(self, v, place):
-            if not isinstance(v.time, float) or v.time <= 0.5 or v.position != place:
+            if not isinstance(v.time, float) or v.time <= 0.5 or v.place != place:
                 return
             if v.mistake == 1:
                 None + v.x

@@ -147,7 +147,7 @@ class VariantHost:
         self._pool.close(_CLOSE_S if self._is_loaded else 0.0)
 
     def _start(self) -> Child:
-        function = f"{__package__}.variant_process:run_variants"  # loads more than this process needs
+        function = f"{__name__}:run_variants"
         environment = {
             "POLARS_MAX_THREADS": os.environ.get("POLARS_MAX_THREADS", "1"),  # each process has one core
             "TMPDIR": str(self._folder),  # for what is unpacked and what FMUs leave: it ends with the folder
