@@ -268,5 +268,5 @@ def _read_fresh_memory() -> list[int]:
 def test_fresh_memory_has_junk() -> None:
     """An FMU that reads memory before it is written gives something else in a second run."""
     small, medium, large = in_fresh_process(_read_fresh_memory)
-    assert small >= 4 and medium >= 4  # Python frees blocks of its own meanwhile: 9 of 16 were left
+    assert small and medium  # Python frees blocks of its own meanwhile: 3 to 9 of 16 were left
     assert large == 1
