@@ -17,7 +17,7 @@ from PIL import Image
 
 import emla_cosim as ec
 from emla_cosim.base.colors import RED
-from emla_cosim.study.sketch.movement import Movement, read_movement, list_recorded_signals
+from emla_cosim.study.sketch.movement import Movement, list_recorded_signals, read_movement
 from emla_cosim.study.sketch.scene import Scene
 from emla_cosim.views.plots.style import save
 

@@ -7,9 +7,9 @@ from .analyses.identify.result import IdentificationResult as IdentificationResu
 from .analyses.identify.runner import identify as identify
 from .analyses.linearize.response import FrequencyResponse as FrequencyResponse
 from .analyses.linearize.response import Margins as Margins
+from .analyses.linearize.response import StateSpace as StateSpace
 from .analyses.linearize.result import LinearizeResult as LinearizeResult
 from .analyses.linearize.runner import linearize as linearize
-from .analyses.linearize.state_space import StateSpace as StateSpace
 from .analyses.size.limits import Unexamined as Unexamined
 from .analyses.size.limits import Utilisation as Utilisation
 from .analyses.size.result import Candidate as Candidate

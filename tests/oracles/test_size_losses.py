@@ -12,9 +12,9 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.analyses.size import motor
+from emla_cosim.analyses.size.cycle import find_plant
 from emla_cosim.analyses.size.motor import Winding
 from emla_cosim.analyses.size.pictures import draw_motor
-from emla_cosim.analyses.size.plant import find_plant
 from emla_cosim.study.joints.schema import load_joint
 from tests.support.commands import Emla
 

@@ -5,7 +5,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from .layout import CALL, of_kind
+from .layout import _DOUBLE, _INT, _POINTER, CALL, of_kind
 
 DO_STEP, UPDATE, SET_CLOCK, GET_CLOCK = "doStep", "updateDiscreteStates", "setClock", "getClock"
 
@@ -70,8 +70,6 @@ TIMED_CLOCK = np.dtype(
     [("interval", "float64"), ("shift", "float64"), ("clock", "int32"), ("kind", "int32")], align=True
 )
 TRIGGERED_CLOCK = np.dtype([("clock", "int32"), ("input", "int32")], align=True)
-
-_POINTER, _INT, _DOUBLE = ctypes.c_void_p, ctypes.c_int32, ctypes.c_double
 
 
 class Events(ctypes.Structure):

@@ -11,7 +11,7 @@ from ...master.instances.integrated_instance import IntegratedInstance
 from ...master.instances.model_exchange_instance import DiscardedCallError, ModelExchangeInstance
 from ...run.simulation import Simulation
 from ...system.names import Names
-from .state_space import StateSpace
+from .response import StateSpace
 
 _Variable = tuple[IntegratedInstance, int, ModelVariable]
 """The instance with a variable, the position of the variable's FMU in this instance, and the variable."""

@@ -9,8 +9,8 @@ import numpy as np
 from ...views.plots.style import COLORS, GREY, RED, new_figure, tidy_axes
 from ..frame.outputs import Outputs
 from ..frame.report import Report, ReportTable, Section
+from .response import StateSpace
 from .result import LinearizeResult
-from .state_space import StateSpace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,8 +7,7 @@ from typing import Any
 import polars
 
 from ..frame.report import ReportedResult
-from .response import FrequencyResponse, Margins
-from .state_space import StateSpace
+from .response import FrequencyResponse, Margins, StateSpace
 
 
 @dataclass(frozen=True)

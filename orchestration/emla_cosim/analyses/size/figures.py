@@ -9,9 +9,8 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.wording import format_rounded
-from .cycle import Cycle
+from .cycle import Cycle, JointPlant
 from .motor import Winding, cycles_until_warm, time_until_rise
-from .plant import JointPlant
 
 RATED_TURNS = 1e6
 """Turns for which a dynamic load rating holds (ISO 3408-5)."""

@@ -11,11 +11,10 @@ from ...study.actuator.actuator import Actuator
 from ...study.criteria import Criteria
 from ...study.limits import WINDING_TEMPERATURE
 from ...system.model import System
-from .cycle import follow_reference, read_cycle
+from .cycle import find_plant, follow_reference, read_cycle
 from .figures import compute_figures, describe_losses
 from .limits import Requirements, Unexamined, Utilisation, examine, link_capacity
 from .motor import Winding, find_winding, warm_up
-from .plant import find_plant
 from .result import JointSizing
 
 MAX_ROWS = 200_000

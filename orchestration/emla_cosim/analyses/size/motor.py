@@ -16,8 +16,7 @@ from emla_fmu.parameters import EmlaParameters
 from ...base.arrays import Vector
 from ...base.errors import join_names
 from ...study.actuator.derived import torque_per_current
-from .cycle import Cycle
-from .plant import JointPlant
+from .cycle import Cycle, JointPlant
 
 
 def peak_torque(emla: EmlaParameters, speed: Vector) -> Vector:

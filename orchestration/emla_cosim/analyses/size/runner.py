@@ -29,11 +29,10 @@ from ...system.model import System
 from ..execution.executor import Scheduler
 from ..frame.session import Session
 from ..variants.factors import merge_options
-from .cycle import SIGNALS, list_joints
+from .cycle import SIGNALS, find_data_sheet, list_joints
 from .draws import SizedRun, Variation, run_draws
 from .joints import MAX_ROWS, Examination, describe_coupling, describe_cycle, describe_overload
 from .limits import Requirements
-from .plant import find_data_sheet
 from .report import OUTPUTS, name_pictures
 from .result import Candidate, JointSizing, SizeResult
 

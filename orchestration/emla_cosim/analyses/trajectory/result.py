@@ -95,6 +95,6 @@ class TrajectoryResult(ReportedResult):
 
     def plot(self) -> "dict[str, Figure]":
         """Return figures of forces and speeds, positions and their derivatives, and the path, by name."""
-        from .pictures import draw_pictures
+        from .report import draw_pictures
 
         return draw_pictures(self)

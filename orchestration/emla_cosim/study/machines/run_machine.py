@@ -2,8 +2,7 @@
 
 import json
 
-from machine_fmu import read_definition
-from machine_fmu.description import MachineError
+from machine_fmu import MachineError, read_definition
 from machine_fmu.model import MachineModel
 from machine_fmu.naming import name_numbers
 

@@ -12,8 +12,8 @@ from scipy.interpolate import BSpline
 
 import emla_cosim as ec
 from emla_cosim.analyses.trajectory import runner
-from emla_cosim.analyses.trajectory.pictures import PICTURES
 from emla_cosim.analyses.trajectory.problem import describe_problem, load_problem, paper_problem
+from emla_cosim.analyses.trajectory.report import PICTURES
 from emla_cosim.base.progress import Progress
 from emla_cosim.cli.app import app
 from emla_cosim.study.machines.motion import DEFAULT_FILE
