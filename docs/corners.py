@@ -18,8 +18,8 @@ from emla_cosim.analyses.frame.session import Job, Session
 from emla_cosim.analyses.variants.factors import merge_options, resolve_factors
 from emla_cosim.analyses.variants.measures import MetricRequest, resolve_measures
 from emla_cosim.base.progress import Progress
+from emla_cosim.cli.command import read_factors
 from emla_cosim.cli.commands.analysis import show_result
-from emla_cosim.cli.commands.options import read_factors
 from emla_cosim.views.plots.style import BLUE, new_figure, tidy_axes
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from ...analyses.compare.runner import RESOLUTION, SEEDS, compare
 from ...analyses.compare.stability import CERTIFICATE, certify_gains
 from ...base.errors import CommandError, CosimError, join_names
 from ...base.option import COMPARE, argument, option
+from ..command import report, scheduler, workers
 from .analysis import run_analysis
-from .options import report, scheduler, workers
 
 OPTIONS = COMPARE
 

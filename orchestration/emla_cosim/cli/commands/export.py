@@ -9,7 +9,7 @@ from ...base.option import EXPORT, argument
 from ...run.scenarios.scenario import FMU, SSP, C, find_kind, refuse_unsuited
 from ...study.loading import load
 from ...views.terminal import BarProgress, show_file
-from .options import scenario
+from ..command import scenario
 
 OPTIONS = EXPORT
 

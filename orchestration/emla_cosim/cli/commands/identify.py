@@ -11,8 +11,8 @@ from ...analyses.identify.residuals import LOSSES
 from ...analyses.identify.runner import identify
 from ...base.errors import CosimError
 from ...base.option import SWEEP, argument, option, switch
+from ..command import report, scheduler, workers
 from .analysis import run_analysis
-from .options import report, scheduler, workers
 
 OPTIONS = SWEEP
 

@@ -23,7 +23,7 @@ from ...study.loading import load
 from ...study.machines.machine_info import ActuatorInfo, MachineInfo
 from ...views.plots.style import is_picture, to_png
 from ...views.terminal import OUT, BarProgress, print_exactly, print_line, show, show_table
-from .options import scenario
+from ..command import scenario
 
 
 def show_machine(machine: MachineInfo, has_parameters: bool) -> None:

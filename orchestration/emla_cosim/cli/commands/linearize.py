@@ -9,8 +9,8 @@ from typing import Any
 from ...analyses.linearize.report import OUTPUTS
 from ...analyses.linearize.runner import linearize
 from ...base.option import LINEARIZE, OUTPUT, option, switch
+from ..command import report, scenario
 from .analysis import run_analysis
-from .options import report, scenario
 
 OPTIONS = LINEARIZE
 

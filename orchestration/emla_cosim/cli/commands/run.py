@@ -23,8 +23,8 @@ from ...study.loading import load
 from ...views.animation import check_animated
 from ...views.output_folder import OutputFolder, results_folder
 from ...views.terminal import BarProgress, print_line, show_result
+from ..command import scenario
 from .crash_rescue import CrashRecorder
-from .options import scenario
 
 OPTIONS = RUN
 

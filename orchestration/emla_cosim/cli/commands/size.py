@@ -13,8 +13,8 @@ from ...analyses.variants.distributions import FORMS
 from ...base.errors import CommandError, RunError, join_names
 from ...base.option import OUTPUT, SIZE, option
 from ...base.quantities import read_quantity
+from ..command import read_factors, report, scenario, scheduler, workers
 from .analysis import run_analysis
-from .options import read_factors, report, scenario, scheduler, workers
 
 OPTIONS = SIZE
 

@@ -13,8 +13,8 @@ from ...analyses.variants.measures import DONE, STATUS
 from ...analyses.variants.sampling import SAMPLINGS
 from ...base.errors import CosimError
 from ...base.option import OUTPUT, RUNS, SWEEP, option, switch
+from ..command import plan, read_factors, report, scheduler, workers
 from .analysis import run_analysis
-from .options import plan, read_factors, report, scheduler, workers
 
 OPTIONS = SWEEP
 

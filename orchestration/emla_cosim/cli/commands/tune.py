@@ -11,8 +11,8 @@ from ...analyses.tune.runner import tune
 from ...analyses.variants.distributions import FORMS
 from ...base.errors import CosimError
 from ...base.option import SWEEP, option
+from ..command import plan, report, scheduler, workers
 from .analysis import run_analysis
-from .options import plan, report, scheduler, workers
 
 OPTIONS = SWEEP
 
