@@ -9,9 +9,8 @@ from typing import Any
 import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
-from emla_cosim.fmu.clocks import CLOCK, InputClock, read_input_clocks
 from emla_cosim.fmu.document import FmuDocument, find_attribute_fault
-from emla_cosim.fmu.elements import split_arrays
+from emla_cosim.fmu.elements import CLOCK, InputClock, read_input_clocks, split_arrays
 from emla_cosim.fmu.file import find_library
 from emla_cosim.fmu.interface import Interface, read_with_fmpy
 

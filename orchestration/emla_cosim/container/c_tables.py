@@ -8,8 +8,7 @@ from fmpy.model_description import ModelVariable
 from fmublock.compiling import c_number, c_text
 
 from ..base.errors import CommandError
-from ..fmu.clocks import is_clocked
-from ..fmu.elements import BINARY, ElementVariable, position_in_array, value_type
+from ..fmu.elements import BINARY, ElementVariable, is_clocked, position_in_array, value_type
 from ..master.algorithms import newton
 from ..master.instances.event_mode_instance import EventModeInstance
 from ..master.instances.typed_values import allocate_array

@@ -10,8 +10,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
-from ..fmu.clocks import is_clocked
-from ..fmu.elements import is_version_3
+from ..fmu.elements import is_clocked, is_version_3
 from ..fmu.file import FmuFile
 from ..fmu.interface import CO_SIMULATION
 from ..fmu.variables import TypedValue

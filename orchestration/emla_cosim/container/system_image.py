@@ -6,8 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ..fmu.clocks import CLOCK, is_clocked
-from ..fmu.elements import BINARY, ElementVariable, is_version_3
+from ..fmu.elements import BINARY, CLOCK, ElementVariable, is_clocked, is_version_3
 from ..master.algorithms.algorithm import Algorithm
 from ..master.instances.event_mode_instance import EventModeInstance
 from ..master.instances.in_process_instance import InProcessInstance

@@ -19,7 +19,6 @@ from ..base.errors import CommandError, join_names, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.units import SiUnit
 from ..base.untrusted_xml import parse_xml
-from .clocks import CLOCK, explain_unsupported_clock
 from .document import (
     DESCRIPTION,
     FmuDocument,
@@ -29,9 +28,11 @@ from .document import (
 )
 from .elements import (
     BINARY,
+    CLOCK,
     WIDE,
     ElementVariable,
     declared_range,
+    explain_unsupported_clock,
     is_supported,
     is_version_3,
     split_arrays,

@@ -9,8 +9,7 @@ from fmpy.model_description import ModelVariable
 
 from ..base.errors import CommandError, join_names
 from ..base.wording import format_number as in_digits
-from .clocks import CLOCK
-from .elements import BINARY, ElementVariable, declared_range
+from .elements import BINARY, CLOCK, ElementVariable, declared_range
 from .interface import Interface
 
 TypedValue = tuple[ModelVariable, Any]

@@ -12,9 +12,8 @@ from fmpy.model_description import ModelVariable
 from ..base.errors import CommandError
 from ..base.files import temporary_folder
 from ..base.units import IDENTITY, LinearTransformation
-from ..fmu.clocks import is_triggered_input
 from ..fmu.cvode import IntegratorSettings
-from ..fmu.elements import BINARY
+from ..fmu.elements import BINARY, is_triggered_input
 from ..fmu.file import FmuFile, is_table, open_fmu
 from ..fmu.interface import KINDS, Interface
 from ..fmu.log import FmuLog

@@ -10,8 +10,7 @@ from ..base.arrays import SignalType
 from ..base.errors import CommandError
 from ..base.faults import accept_if_lenient, convert_documents_units
 from ..base.units import IDENTITY, LinearTransformation
-from ..fmu.clocks import CLOCK, is_triggered_input
-from ..fmu.elements import BINARY, ElementVariable
+from ..fmu.elements import BINARY, CLOCK, ElementVariable, is_triggered_input
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from .model import Component, Connection, System, Value

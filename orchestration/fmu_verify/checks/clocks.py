@@ -8,7 +8,7 @@ from typing import Any
 from fmpy.model_description import ModelVariable
 
 from emla_cosim.base.wording import format_count
-from emla_cosim.fmu.clocks import PERIODIC, InputClock, belongs
+from emla_cosim.fmu.elements import PERIODIC, InputClock, belongs
 from emla_cosim.fmu.instance import FINE
 
 from ..check import CheckOutcome, check, passed, quote, skipped, warned

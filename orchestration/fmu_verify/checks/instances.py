@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from emla_cosim.fmu.clocks import CLOCK, explain_unsupported_clock, is_triggered_input
+from emla_cosim.fmu.elements import CLOCK, explain_unsupported_clock, is_triggered_input
 from emla_cosim.fmu.instance import OK
 
 from ..check import CheckOutcome, Verdict, blocked, check, failed, noted, passed, quote, skipped, warned

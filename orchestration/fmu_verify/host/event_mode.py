@@ -11,7 +11,7 @@ from fmpy.model_description import ModelVariable
 
 from emla_cosim.base.arrays import Vector
 from emla_cosim.base.errors import CosimError
-from emla_cosim.fmu.clocks import belongs, is_clocked
+from emla_cosim.fmu.elements import belongs, is_clocked
 from emla_cosim.fmu.instance import ERROR, OK
 from emla_cosim.master.instances.event_mode_instance import describe_answer
 from emla_cosim.master.instances.event_tables import EventTables, FmiAccess

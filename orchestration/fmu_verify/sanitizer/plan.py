@@ -6,8 +6,7 @@ from typing import Any
 
 from fmpy.model_description import ModelVariable
 
-from emla_cosim.fmu.clocks import PERIODIC, InputClock
-from emla_cosim.fmu.elements import ElementVariable
+from emla_cosim.fmu.elements import PERIODIC, ElementVariable, InputClock
 from emla_cosim.fmu.fmi_3_calls import NUMBER_TYPES
 from emla_cosim.fmu.instance import kind_of
 

@@ -11,9 +11,8 @@ from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
-from ...fmu.clocks import is_clocked
 from ...fmu.cvode import IntegratorSettings
-from ...fmu.elements import is_plain
+from ...fmu.elements import is_clocked, is_plain
 from ...fmu.file import FmuFile, find_span_references
 from ...fmu.instance import FINE
 from ...fmu.interface import MODEL_EXCHANGE

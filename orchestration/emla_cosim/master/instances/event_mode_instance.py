@@ -12,8 +12,7 @@ from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...fmu.clocks import CLOCK, is_clocked, read_input_clocks
-from ...fmu.elements import is_version_3
+from ...fmu.elements import CLOCK, is_clocked, is_version_3, read_input_clocks
 from ...fmu.file import FmuFile
 from ...fmu.instance import ERROR, OK
 from ...fmu.interface import CO_SIMULATION

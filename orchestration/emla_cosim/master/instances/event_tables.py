@@ -10,8 +10,17 @@ from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
-from ...fmu.clocks import CLOCK, COUNTDOWN, PERIODIC, InputClock, clocks_of, is_clocked, is_triggered_input
-from ...fmu.elements import BINARY, ElementVariable
+from ...fmu.elements import (
+    BINARY,
+    CLOCK,
+    COUNTDOWN,
+    PERIODIC,
+    ElementVariable,
+    InputClock,
+    clocks_of,
+    is_clocked,
+    is_triggered_input,
+)
 from ...stepper.event_layout import (
     CLOCK_SET,
     CLOCKED_CALL,

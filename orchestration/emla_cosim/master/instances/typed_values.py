@@ -10,8 +10,7 @@ from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
-from ...fmu.clocks import CLOCK
-from ...fmu.elements import ElementLayout, ElementVariable, value_type
+from ...fmu.elements import CLOCK, ElementLayout, ElementVariable, value_type
 from ...fmu.instance import by_type
 from ...stepper.layout import TRUTH_OF_FMI_2, TYPES
 
