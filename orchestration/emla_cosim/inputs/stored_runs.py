@@ -12,8 +12,8 @@ from ..base.output_files import UNFINISHED_STATUS
 from ..base.units import SiUnit
 from ..recorders.registry import table_names
 from .data_tables import DataTable
+from .loaded_input import read_times
 from .table_files import read_table
-from .time_columns import read_times
 
 _REFERENCE = "the run to compare with"
 

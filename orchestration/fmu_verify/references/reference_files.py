@@ -165,10 +165,10 @@ def read_columns(
     Raises:
         CommandError: The file is not a table of values of the variables, or times decrease.
     """
+    from emla_cosim.inputs.loaded_input import read_times
     from emla_cosim.inputs.table_files import (
         read_table,  # loads polars, which FMUs without references do not need
     )
-    from emla_cosim.inputs.time_columns import read_times
 
     data = read_table(path, description)
     variables = interface.variables if interface is not None else {}
