@@ -22,7 +22,7 @@ from emla_cosim.master.algorithms.registry import GaussSeidel, Jacobi, Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
-from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.step_size_control import FixedSteps
 from emla_cosim.master.stepping.timing import CommunicationPoints, make_communication_points
 from emla_cosim.stepper.library import StepperBuildError
 from emla_cosim.system.model import Component, System

@@ -31,8 +31,8 @@ from emla_cosim.master.instances.fmu_instance import InstanceError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
 from emla_cosim.master.stepping import lanes as choice
-from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.lanes import ThreadSchedule, schedule_tasks
+from emla_cosim.master.stepping.step_size_control import FixedSteps
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.run.stepping_options import read_threads
 from emla_cosim.stepper.layout import Failure

@@ -12,7 +12,7 @@ from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
 from emla_cosim.master.algorithms.registry import ALGORITHMS, Jacobi
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.error_control import ErrorControl
-from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.step_size_control import FixedSteps
 from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.linear import LinearSlave, connected
 from tests.support.simulated import begun, recorded

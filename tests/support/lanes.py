@@ -2,7 +2,7 @@
 
 import random
 
-from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.step_size_control import FixedSteps
 
 
 def in_lanes(stepping: FixedSteps, seed: int = 1, count: int = 3) -> FixedSteps:

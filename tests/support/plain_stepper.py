@@ -16,8 +16,7 @@ from emla_cosim.master.algorithms.group import HALVINGS, SWEEPS, CoupledGroup
 from emla_cosim.master.algorithms.newton import FILTER, NOISE, RELAXATION
 from emla_cosim.master.algorithms.program import PREVIOUS, SIGNALS, Call, Combine, Operation, Solve
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
-from emla_cosim.master.stepping.fixed_steps import FixedSteps
-from emla_cosim.master.stepping.step_size_control import StepRequest, StepSizeControl
+from emla_cosim.master.stepping.step_size_control import FixedSteps, StepRequest, StepSizeControl
 from emla_cosim.master.stepping.stepping_base import LONGEST, RowSink, Stepping
 from emla_cosim.master.stepping.timing import CommunicationPoints
 from fmublock.table import SPANS

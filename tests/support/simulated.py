@@ -7,7 +7,7 @@ import numpy as np
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.network import Network
 from emla_cosim.master.run_loop import simulate
-from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.step_size_control import FixedSteps
 from emla_cosim.master.stepping.stepping_base import Stepping
 from emla_cosim.master.stepping.timing import CommunicationPoints
 

@@ -8,7 +8,7 @@ from ..fmu.interface import MODEL_EXCHANGE, Interface
 from ..system.model import System
 from .instances.fmu_instance import FmuInstance
 from .instances.instance_kinds import make_stepped
-from .instances.model_exchange_instance import ModelExchangeInstance
+from .instances.integrated_instance import ModelExchangeInstance
 from .integrated_group import IntegratedGroup
 from .network import Link, Network
 

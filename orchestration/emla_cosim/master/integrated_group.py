@@ -14,8 +14,7 @@ from ..fmu.integrator import MAX_ITERATIONS
 from .algorithms.initialization import solve_initial_values
 from .algorithms.newton import Newton, NoSolutionError, Scale
 from .instances.fmu_instance import FmuInstance
-from .instances.integrated_instance import IntegratedInstance
-from .instances.model_exchange_instance import ModelExchangeInstance
+from .instances.integrated_instance import IntegratedInstance, ModelExchangeInstance
 from .network import Link, Network
 
 _TOLERANCE = 1e-9

@@ -11,7 +11,7 @@ from ..master.algorithms.continuous_connections import ContinuousConnection, lis
 from ..master.algorithms.extrapolation import Mode
 from ..master.coupling.estimate import DIFFERENCES, CouplingError, CouplingEstimate
 from ..master.grouping import Sampling
-from ..master.stepping.fixed_steps import FixedSteps
+from ..master.stepping.step_size_control import FixedSteps
 from ..master.stepping.stepping_base import Stepping
 
 LARGEST_ERROR = 0.01

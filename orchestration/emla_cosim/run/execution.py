@@ -13,8 +13,8 @@ from ..master.coupling.estimate import ALLOWANCE, SHARE, CouplingError
 from ..master.instances.fmu_instance import EndRequestedError
 from ..master.run_loop import MOST_STEPS, simulate
 from ..master.stepping.checkpoint import Checkpoint
-from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.profiler import PACING, Profiler
+from ..master.stepping.step_size_control import FixedSteps
 from ..master.stepping.stepping_base import RowSink, Stepping
 from ..recorders.bond_energies import BondEnergies
 from ..recorders.metrics import MetricsRecorder

@@ -23,7 +23,7 @@ from ..inputs.loaded_input import DataSpan
 from ..master.assembly import Assembly
 from ..master.coupling.estimate import CouplingError
 from ..master.instances.in_process_instance import is_unusable
-from ..master.stepping.fixed_steps import FixedSteps
+from ..master.stepping.step_size_control import FixedSteps
 from ..master.stepping.stepping_base import ROUNDING, Stepping
 from ..recorders.metrics import default_roles
 from ..recorders.recorder import Recorder

@@ -5,7 +5,7 @@ import pytest
 from emla_cosim.base.errors import CommandError
 from emla_cosim.master.algorithms.registry import GaussSeidel, Jacobi, Strong
 from emla_cosim.master.network import Link, Network
-from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.step_size_control import FixedSteps
 from emla_cosim.master.stepping.timing import make_communication_points
 from tests.support.simulated import begun, recorded, step_by_step
 from tests.support.slaves import FakeSlave

@@ -13,7 +13,7 @@ from emla_cosim.master.algorithms.registry import Explicit, GaussSeidel, Jacobi,
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.error_control import ErrorControl
-from emla_cosim.master.stepping.fixed_steps import FixedSteps
+from emla_cosim.master.stepping.step_size_control import FixedSteps
 from emla_cosim.master.stepping.timing import (
     MAXIMUM_STEPS,
     make_clock,

@@ -7,8 +7,11 @@ from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError, join_names
-from ...master.instances.integrated_instance import IntegratedInstance
-from ...master.instances.model_exchange_instance import DiscardedCallError, ModelExchangeInstance
+from ...master.instances.integrated_instance import (
+    DiscardedCallError,
+    IntegratedInstance,
+    ModelExchangeInstance,
+)
 from ...run.simulation import Simulation
 from ...system.names import Names
 from .response import StateSpace

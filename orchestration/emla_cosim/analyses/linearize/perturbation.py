@@ -14,7 +14,7 @@ from ...master.instances.integrated_instance import IntegratedInstance
 from ...master.integrated_group import IntegratedGroup
 from ...master.network import Network
 from ...master.stepping.checkpoint import Snapshot
-from ...master.stepping.fixed_steps import FixedSteps
+from ...master.stepping.step_size_control import FixedSteps
 from ...master.stepping.stepping_base import ROUNDING
 from ...run.simulation import Simulation
 from ...study.joint import name_current_path, name_position_loop

@@ -9,8 +9,7 @@ from ...fmu.log import FmuLog
 from .event_mode_instance import EventModeInstance, handles_events
 from .fmu_instance import FmuInstance
 from .in_process_instance import InProcessInstance
-from .integrated_instance import IntegratedInstance
-from .model_exchange_instance import ModelExchangeInstance
+from .integrated_instance import IntegratedInstance, ModelExchangeInstance
 
 
 def make_instance(
