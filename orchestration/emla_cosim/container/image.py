@@ -12,8 +12,22 @@ from numpy.typing import NDArray
 from fmublock.compiling import c_number
 
 from ..master.instances.measured_calls import split_code
-from ..stepper.event_layout import CLOCK_SET, CLOCKED_CALL, TIMED_CLOCK, TRIGGERED_CLOCK, Events
-from ..stepper.layout import CALL, COMBINATION, GROUP, INPUT, INSTANCE, OPERATION, SIGNAL, TERM, Stepper
+from ..stepper.layout import (
+    CALL,
+    CLOCK_SET,
+    CLOCKED_CALL,
+    COMBINATION,
+    GROUP,
+    INPUT,
+    INSTANCE,
+    OPERATION,
+    SIGNAL,
+    TERM,
+    TIMED_CLOCK,
+    TRIGGERED_CLOCK,
+    Events,
+    Stepper,
+)
 
 _TYPES: Mapping[Any, str] = {
     **{np.dtype(name): f"{name}_t" for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32")},

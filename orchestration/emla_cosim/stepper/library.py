@@ -18,8 +18,7 @@ from ..base.arrays import Vector
 from ..base.errors import RunError
 from ..base.extras import explain_missing
 from ..base.files import CacheError, cache_folder, temporary_folder, write_atomically
-from .event_layout import EVENT_SIZES
-from .layout import HALVES_SIZE, LANES_SIZES, SIZES
+from .layout import EVENT_SIZES, HALVES_SIZE, LANES_SIZES, SIZES
 
 _CODE = "code"
 """Folder in a cache."""

@@ -15,7 +15,7 @@ from emla_cosim.fmu.elements import belongs, is_clocked
 from emla_cosim.fmu.instance import ERROR, OK
 from emla_cosim.master.instances.event_mode_instance import describe_answer
 from emla_cosim.master.instances.event_tables import EventTables, FmiAccess
-from emla_cosim.stepper.event_layout import (
+from emla_cosim.stepper.layout import (
     DO_STEP,
     END_REQUEST,
     FUNCTIONS,

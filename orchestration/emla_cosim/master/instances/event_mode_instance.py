@@ -16,7 +16,7 @@ from ...fmu.elements import CLOCK, is_clocked, is_version_3, read_input_clocks
 from ...fmu.file import FmuFile
 from ...fmu.instance import ERROR, OK
 from ...fmu.interface import CO_SIMULATION
-from ...stepper.event_layout import (
+from ...stepper.layout import (
     DO_STEP,
     EVENT_CALLS,
     GET_CLOCK,

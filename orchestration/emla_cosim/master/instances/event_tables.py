@@ -21,7 +21,8 @@ from ...fmu.elements import (
     is_clocked,
     is_triggered_input,
 )
-from ...stepper.event_layout import (
+from ...stepper.layout import (
+    CALL,
     CLOCK_SET,
     CLOCKED_CALL,
     FIRST_PASSED,
@@ -33,7 +34,6 @@ from ...stepper.event_layout import (
     ClockKind,
     Events,
 )
-from ...stepper.layout import CALL
 from .typed_values import TypedValues, TypeGroup, allocate_array, fill_typed_call
 
 _FMI_FUNCTION = ctypes.CFUNCTYPE(

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...stepper.event_layout import Events
-from ...stepper.layout import SAVED_STATE
+from ...stepper.layout import SAVED_STATE, Events
 from ..instances.fmu_instance import EntryPoints, FmuInstance
 
 
