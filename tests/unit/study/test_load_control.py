@@ -15,7 +15,7 @@ from emla_cosim.recorders.metrics import TRACKED
 from emla_cosim.study.actuator.model_parameters import follow_plant_changes
 from emla_cosim.study.figures import JOINT_FIGURES
 from emla_cosim.study.joints.schema import load_joint, read_joint_text
-from emla_cosim.study.randomness import find_seeds
+from emla_cosim.study.registration import find_seeds
 from emla_cosim.study.roles import find_variable, list_role_patterns
 from emla_cosim.views.formatting import describe_idealisations
 

@@ -16,7 +16,7 @@ from emla_cosim.study.joint import ideal_sensors
 from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.loading import load
 from emla_cosim.study.machines.machine_file import MachineFile, load_machine_file, parse_machine_file
-from emla_cosim.study.machines.run_machine import find_machine
+from emla_cosim.study.machines.machine_info import find_machine
 from emla_cosim.study.machines.systems import build_machine_system
 from emla_cosim.study.roles import find_element, find_joints, find_variable
 from machine_fmu.model import MachineModel

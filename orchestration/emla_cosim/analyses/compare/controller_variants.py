@@ -13,7 +13,7 @@ from ...run.scenarios.scenario_file import TUNINGS
 from ...study.controllers import CONTROLLERS, choose_controller
 from ...study.joint import describe_observer
 from ...study.loading import load
-from ...study.randomness import SEED, is_random
+from ...study.registration import SEED, is_random
 from ...system.model import Value
 from ...system.names import Names
 from ..execution.worker_payload import Preparation

@@ -14,8 +14,7 @@ from ...base.quantities import parse_quantity
 from ...base.wording import matches_pattern
 from ...run.options import Options
 from ...system.model import System, Value
-from ..joints.motions import resting_deflection
-from ..joints.stroke_table import read_plant_table
+from ..joints.motions import read_plant_table, resting_deflection
 from ..load_control import approach_duration
 from ..roles import find_element, find_machine_roles
 

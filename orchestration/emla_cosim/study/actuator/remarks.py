@@ -15,8 +15,7 @@ from ...run.options import Options
 from ...system.model import System
 from ..controllers import COMPLIANT, choose_controller
 from ..joint import COMPLIANT_PLANTS
-from ..joints.motions import ACTUATOR_PARTS
-from ..joints.stroke_table import StrokeTable, read_plant_table
+from ..joints.motions import ACTUATOR_PARTS, StrokeTable, read_plant_table
 from ..machines.motion import read_system_motion
 from .actuator import Actuator
 from .derived import holding_torque

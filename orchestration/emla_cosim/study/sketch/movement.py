@@ -9,7 +9,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...run.result import Result
-from ..machines.run_machine import COMPONENTS, find_component, find_machine
+from ..machines.machine_info import COMPONENTS, find_component, find_machine
 from ..roles import find_element, find_variable, list_joints_with_roles
 
 if TYPE_CHECKING:
