@@ -26,9 +26,8 @@ from .check import (
 )
 from .confinement import list_writable, use_scratch
 from .findings import Finding
-from .host.fresh_process import EndedError
 from .settings import Settings
-from .subprocess_run import CheckProcess
+from .subprocess_run import CheckProcess, EndedError
 
 _LICENSE = re.compile(r"licen[sc]e", re.IGNORECASE)
 """A word in messages of FMUs that do not run without a license of their tool."""

@@ -47,8 +47,7 @@ from emla_cosim.base.tolerances import Comparison
 from emla_cosim.pages.text import to_plain
 
 from .check import Verdict
-from .explanation import format_command
-from .findings import Examined, Finding, Findings, find_worst
+from .findings import Examined, Finding, Findings, find_worst, format_command
 from .report_files import JSON_FORMAT
 
 VERSION = 1

@@ -8,8 +8,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from emla_cosim.pages.text import make_visible
 
 from .check import Verdict
-from .explanation import explain_finding, shorten_names
-from .findings import Examined, Finding, Findings
+from .findings import Examined, Finding, Findings, explain_finding, shorten_names
 
 
 def render(report: Findings) -> str:

@@ -12,8 +12,7 @@ from emla_cosim.pages.comparisons import build_comparison_rows
 from emla_cosim.pages.page import Plots, render_template
 
 from .check import Verdict
-from .explanation import format_command, shorten_names
-from .findings import Examined, Finding, Findings, find_worst
+from .findings import Examined, Finding, Findings, find_worst, format_command, shorten_names
 
 _MOST_ROWS = 200
 """Most findings and FMUs in a cell of a notebook."""

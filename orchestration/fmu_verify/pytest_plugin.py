@@ -169,7 +169,7 @@ class FmuItem(pytest.Item):
     def runtest(self) -> None:
         """Fail, skip or warn according to the verdict."""
         from .check import Verdict
-        from .explanation import explain_finding
+        from .findings import explain_finding
 
         assert isinstance(self.parent, FmuCollector)
         examined, finding = self.parent.finding(self)

@@ -28,8 +28,7 @@ from .examination import (
     select_needed_checks,
 )
 from .examiner import ExaminerJob, SystemKind, examine_jobs
-from .explanation import list_options
-from .findings import Examined, Finding
+from .findings import Examined, Finding, list_options
 from .references.recording import check_recording
 from .report import Report
 from .settings import Recording, Settings

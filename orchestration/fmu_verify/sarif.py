@@ -17,8 +17,7 @@ from emla_cosim.pages.text import make_visible, shorten_text, to_plain
 
 from .catalogue import CHECKS
 from .check import Verdict
-from .explanation import explain_finding
-from .findings import Examined, Finding, Findings
+from .findings import Examined, Finding, Findings, explain_finding
 from .report_files import SARIF_TOOL
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"

@@ -19,8 +19,8 @@ from fmu_verify import confinement
 from fmu_verify.check import Verdict
 from fmu_verify.confinement import can_confine, confine, list_gaps
 from fmu_verify.examination import list_unexamined
-from fmu_verify.host.fresh_process import in_fresh_process
 from fmu_verify.report_files import REPORT_FILES
+from fmu_verify.subprocess_run import in_fresh_process
 from tests.support.broken.examining import examine
 from tests.support.broken.wide import build_wide_fmu
 from tests.support.clusters import family

@@ -11,11 +11,11 @@ from emla_cosim.base.arrays import Vector
 
 from ..check import CheckOutcome, check, failed, noted, passed, quote, skipped, unjudged, warned
 from ..host.experiment import make_experiment, read_limits, read_span, take_in_time, walk
-from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import Values, choose_other, list_other_values, list_settable, read_start
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
+from ..subprocess_run import in_fresh_process, in_separate_process
 
 _TIME_FRACTION = 0.5
 """Part of the time limit in which runs are repeated with other inputs."""

@@ -11,11 +11,11 @@ from emla_cosim.base.wording import format_count
 
 from ..check import CheckOutcome, check, skipped
 from ..host.experiment import list_outputs, make_experiment, read_span, step_instance, take_in_time, walk
-from ..host.fresh_process import in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import are_same, choose_other, format_value, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
+from ..subprocess_run import in_separate_process
 
 _STEPS = 5
 _MAX_VARIABLES = 300

@@ -12,10 +12,10 @@ from emla_cosim.fmu.instance import FATAL, FINE
 
 from ..check import RETURNS, CheckOutcome, check, failed, noted, passed, quote, warned
 from ..host.experiment import list_outputs, make_experiment, parse_number, read_span, take_in_time, walk
-from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..messages import list_left_out
 from ..subject import Subject
+from ..subprocess_run import EndedError, in_fresh_process, in_separate_process
 
 _PHASES = ("before initialization", "in initialization mode", "after initialization", "after fmi2Terminate")
 

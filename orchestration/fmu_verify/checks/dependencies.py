@@ -11,7 +11,6 @@ from fmpy.model_description import ModelVariable
 from ..check import CheckOutcome, check, failed, passed, skipped
 from ..host.arrays import ElementDependency
 from ..host.experiment import read_span
-from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import are_same, choose_other, list_settable, read_start
 from ..host.points import (
@@ -27,6 +26,7 @@ from ..host.points import (
 )
 from ..messages import judge_problems, list_left_out
 from ..subject import Subject
+from ..subprocess_run import EndedError, in_fresh_process
 
 _POINTS = 3
 _CHANGE = 1e-2

@@ -9,11 +9,11 @@ from emla_cosim.base.arrays import Vector
 
 from ..check import CheckOutcome, check, failed, noted, passed, quote, skipped, warned
 from ..host.experiment import make_experiment, walk
-from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.points import Point, in_event_mode, in_initialization, list_unexamined_pairs
 from ..messages import list_left_out
 from ..subject import Subject
+from ..subprocess_run import EndedError, in_fresh_process, in_separate_process
 from ._points import (
     MOST_STATES,
     in_continuous_time_mode,

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 from ..check import CheckOutcome, blocked, check, failed, passed, quote, skipped
 from ..host.experiment import keep_run, make_experiment, run_instance
-from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import RETURNS_EARLY, CallError, EndlessIterationError, HostedInstance
 from ..subject import Subject
+from ..subprocess_run import EndedError, in_fresh_process
 
 _STEPS = 100
 

@@ -22,11 +22,11 @@ from ..host.experiment import (
     run_alone,
     run_instance,
 )
-from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.log import LOG
 from ..host.process_state import can_read_memory, read_memory
 from ..subject import Subject
+from ..subprocess_run import EndedError, in_fresh_process, is_single_instance
 from ._sameness import compare_runs
 from .memory import read_allocated
 

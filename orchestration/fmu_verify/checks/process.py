@@ -10,7 +10,6 @@ from pathlib import Path
 
 from ..check import CheckOutcome, check, failed, passed, quote, skipped, warned
 from ..host.experiment import make_experiment, run_instance
-from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.log import format_message
 from ..host.process_state import (
@@ -24,7 +23,7 @@ from ..host.process_state import (
 )
 from ..messages import join_few_names, judge_problems
 from ..subject import Subject
-from ..subprocess_run import note
+from ..subprocess_run import EndedError, in_fresh_process, is_single_instance, note
 
 _STEPS = 10
 _CYCLES = 3

@@ -22,11 +22,11 @@ from ..host.experiment import (
     take_in_time,
     walk,
 )
-from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import Values, list_other_values, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
+from ..subprocess_run import in_fresh_process, in_separate_process
 
 _MAX_TIME_ERROR = 1e-3
 """Distance of the FMU's time from the end of a step, relative to the step, that counts."""

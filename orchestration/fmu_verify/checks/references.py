@@ -5,7 +5,6 @@ from pathlib import Path
 from emla_cosim.base.errors import CommandError, find_machine_fault
 
 from ..check import CheckOutcome, NotRunError, blocked, check, failed, passed, quote, unjudged, warned
-from ..host.fresh_process import in_fresh_process
 from ..messages import format_sentence
 from ..references.experiments import (
     ExperimentSetup,
@@ -19,6 +18,7 @@ from ..references.judgment import check_columns, combine, judge_run, run_referen
 from ..references.recording import record_reference as write_references
 from ..references.reference_files import find_solution, list_companions, read_reference
 from ..subject import Subject
+from ..subprocess_run import in_fresh_process
 
 _RULES = quote("references.rules")
 

@@ -24,7 +24,6 @@ from ..check import (
     warned,
 )
 from ..host.experiment import OutputTrajectory, list_outputs, make_experiment, read_span, walk
-from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..messages import format_sentence, join_few_names
 from ..references.experiments import (
@@ -46,6 +45,7 @@ from ..references.experiments import (
 from ..references.judgment import check_columns, combine, judge_run, run_reference
 from ..references.reference_files import ReferenceSolution, list_companions
 from ..subject import Subject
+from ..subprocess_run import EndedError, in_fresh_process
 from ._sameness import ROUNDING, compare_runs
 from .states import restore_bytes
 

@@ -23,11 +23,11 @@ from ..host.experiment import (
     time_of_run,
     walk,
 )
-from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.process_state import fill_memory
 from ..messages import join_few_names
 from ..subject import Subject
+from ..subprocess_run import in_fresh_process
 from ._sameness import compare_runs, describe_differences
 from .events import explain_endless
 

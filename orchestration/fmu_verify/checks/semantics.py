@@ -8,7 +8,7 @@ from emla_cosim.fmu.document import find_attribute_fault
 from ..check import CheckOutcome, Verdict, check, noted, passed
 from ..messages import shorten_sentence
 from ..subject import Subject
-from . import description, listed_dependencies, starts, structure, units, variables
+from . import description, structure, units, variables
 
 _PRECISE_CHECKS = (
     description.capabilities,
@@ -17,11 +17,11 @@ _PRECISE_CHECKS = (
     variables.names,
     variables.attributes,
     variables.aliases,
-    starts.presence,
+    variables.presence,
     structure.outputs,
     structure.derivatives,
     structure.initial_unknowns,
-    listed_dependencies.dependencies,
+    structure.dependencies,
 )
 
 

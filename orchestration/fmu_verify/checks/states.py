@@ -16,10 +16,10 @@ from ..host.experiment import (
     step_instance,
     take_in_time,
 )
-from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance, SerializedState
 from ..host.process_state import can_read_memory, list_writable_memory, read_memory
 from ..subject import Subject
+from ..subprocess_run import EndedError, in_fresh_process, is_single_instance
 from ._sameness import compare_runs
 from .memory import read_allocated
 

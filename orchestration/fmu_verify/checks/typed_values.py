@@ -11,13 +11,12 @@ from fmpy.model_description import ModelVariable
 
 from ..check import CheckOutcome, check, skipped
 from ..host.experiment import make_experiment
-from ..host.fresh_process import in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import MOST, Values, list_items, list_other_values, list_settable
 from ..host.process_state import fill_memory, load_c_library
 from ..messages import judge_problems, list_left_out, shorten_sentence
 from ..subject import Subject
-from ..subprocess_run import note
+from ..subprocess_run import in_fresh_process, is_single_instance, note
 
 _STEPS = 60
 _STEPS_PER_CHANGE = 7

@@ -6,7 +6,6 @@ from typing import Any
 
 from ..check import CheckOutcome, Verdict, check, failed, quote, skipped
 from ..host.experiment import make_experiment, read_span, walk
-from ..host.fresh_process import in_fresh_process, is_single_instance
 from ..host.hosted_instance import HostedInstance
 from ..host.other_values import (
     MOST,
@@ -21,6 +20,7 @@ from ..host.other_values import (
 )
 from ..messages import Breach, judge_problems, list_left_out
 from ..subject import Subject
+from ..subprocess_run import in_fresh_process, is_single_instance
 from .states import restore_bytes, save_bytes
 
 _MAX_SHIFT_OF_ZERO = 1e-6

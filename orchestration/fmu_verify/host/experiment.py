@@ -16,7 +16,7 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.base.arrays import Vector
 
 from ..subject import Subject
-from .fresh_process import in_fresh_process
+from ..subprocess_run import in_fresh_process
 from .hosted_instance import HostedInstance
 
 MOST_STEPS = 100

@@ -10,8 +10,8 @@ from emla_cosim.fmu.elements import number_range
 from emla_cosim.fmu.instance import kind_of
 
 from ..subject import Subject
+from ..subprocess_run import EndedError, in_fresh_process
 from .experiment import parse_number, read_limits
-from .fresh_process import EndedError, in_fresh_process
 from .hosted_instance import CallError
 
 MOST = 300

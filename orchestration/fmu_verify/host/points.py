@@ -13,8 +13,8 @@ from emla_cosim.base.arrays import Vector
 
 from ..messages import list_left_out
 from ..subject import Subject
+from ..subprocess_run import is_single_instance
 from .experiment import make_experiment, parse_number, read_limits
-from .fresh_process import is_single_instance
 from .hosted_instance import HostedInstance
 
 T = TypeVar("T")

@@ -20,9 +20,9 @@ from emla_cosim.fmu.elements import number_range
 
 from ..confinement import confine
 from ..host.experiment import OutputTrajectory, list_outputs, parse_number, read_limits, read_span
-from ..host.fresh_process import in_fresh_process
 from ..settings import Recording
 from ..subject import Subject
+from ..subprocess_run import in_fresh_process
 from .judgment import read_start_values, run_reference, sample_inputs
 from .reference_files import OPTIONS, ReferenceSolution, read_columns
 

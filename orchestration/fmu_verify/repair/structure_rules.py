@@ -5,8 +5,7 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
-from ..checks.listed_dependencies import LINEAR_KINDS
-from ..checks.structure import list_ignored, list_initially_unknown
+from ..checks.structure import LINEAR_KINDS, list_ignored, list_initially_unknown
 from ..declarations import LISTS_3, REAL, Declarations
 from ..subject import Subject
 from .record import Change, describe_element

@@ -1,9 +1,10 @@
 """Compile the sources of an FMU, and the host for it, with sanitizers."""
 
 import hashlib
+import math
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.resources import as_file, files
@@ -11,10 +12,18 @@ from pathlib import Path
 from typing import Any
 
 import fmpy
+from fmpy.model_description import ModelVariable
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
+from emla_cosim.fmu.elements import PERIODIC, ElementVariable, InputClock
+from emla_cosim.fmu.fmi_3_calls import NUMBER_TYPES
+from emla_cosim.fmu.instance import kind_of
+
 from ..c_sources import find_inside, find_machine_compiler, find_zig, read_build_description, run_compiler
+from ..host.experiment import read_span
+from ..host.other_values import list_settable, read_start
 from ..subject import Subject
+from ..subprocess_run import is_single_instance
 
 FOLDER = "sanitized"
 """Folder for libraries and results in the scratch folder of a subject."""
@@ -157,3 +166,143 @@ def _compile(compiler: Compiler, arguments: Sequence[str], target: Path, folder:
         errors = [line for line in lines if "error" in line or "cannot find" in line]
         raise CompilerError([*errors, lines[-1]][0].strip().rstrip("."))
     return process.stderr
+
+
+_STEPS = 20
+_TYPES = {2: ("Real", "Integer", "Boolean", "String"), 3: (*NUMBER_TYPES, "Boolean", "String")}
+"""Types in the names of functions, by version of FMI."""
+
+# step of Model Exchange relative to the communication step: the host integrates by Euler's rule
+_PART_OF_STEP = 0.01
+
+
+def write_plan(subject: Subject, kind: str) -> str:
+    """Return the text of plan.h for a kind of an FMU."""
+    start, step, _ = read_span(subject)
+    description = subject.description
+    model = kind == "ModelExchange"
+    version, clocks = subject.version, [] if model else _list_periodic_clocks(subject)
+    real = "Float64" if version == 3 else "Real"
+    continuous = [v for v in list_settable(subject, "input") if kind_of(v) == real and not v.clocks]
+    outputs = [v for v in description.modelVariables if v.causality == "output" and kind_of(v) == real]
+    outputs = [v for v in outputs if not v.clocks]
+    defined: dict[str, Any] = {
+        "VERSION": version,
+        "IS_MODEL": int(model),
+        "EVENTS": int(not model and subject.has_clocks and subject.has_flag("hasEventMode", kind)),
+        "CLOCKS": len(clocks),
+        "PREFIX": _quote(f"{subject.find_kind_element(kind).modelIdentifier}_"),
+        "GUID": _quote(str(description.guid)),
+        "RESOURCES": _quote((subject.folder / "resources").as_uri()),
+        "START_TIME": _write_real(start),
+        "STEP": _write_real(step * _PART_OF_STEP if model else step),
+        "STEPS": min(_STEPS, subject.most_steps),
+        "INSTANCES": 1 if is_single_instance(subject) else 2,
+        "STATES": len(description.derivatives) if model else 0,
+        "INDICATORS": int(description.numberOfEventIndicators or 0) if model else 0,
+        "HAS_STATES": int(subject.has_capability("canGetAndSetFMUstate", kind)),
+        "SERIALIZES": int(subject.has_capability("canSerializeFMUstate", kind)),
+        "PROVIDES_DERIVATIVES": int(
+            bool(continuous) and subject.has_capability("providesDirectionalDerivative", kind)
+        ),
+    }
+    lines = [f'#include "fmi{version}FunctionTypes.h"']
+    lines += [f"#define {name} {value}" for name, value in defined.items()]
+    lines += _write_references(version, "UNKNOWN", outputs)
+    lines += _write_references(version, "KNOWN", continuous)
+    lines += [
+        _write_array(f"fmi{version}ValueReference", "CLOCK", [clock.reference for clock in clocks]),
+        _write_array("double", "CLOCK_INTERVAL", [_write_real(clock.interval or 0.0) for clock in clocks]),
+        _write_array("double", "CLOCK_SHIFT", [_write_real(clock.shift) for clock in clocks]),
+    ]
+    variables = description.modelVariables
+    settable = _list_settable_variables(subject)
+    lines += _group(version, "START", [v for v in settable if v.causality != "input"])
+    inputs = [v for v in list_settable(subject, "input") if read_start(v) is not None]
+    if model:  # the others cannot be set in continuous-time mode
+        inputs = [v for v in inputs if v.type == "Real" and v.variability in (None, "continuous")]
+    lines += _group(version, "INPUT", [v for v in inputs if not v.clocks])
+    lines += _group(version, "TICK", [v for v in inputs if v.clocks])
+    lines += _group(version, "ALL", [v for v in variables if not v.clocks], values=False)
+    lines += _group(version, "TICKED", [v for v in variables if v.clocks], values=False)
+    return "\n".join([*lines, ""])
+
+
+def list_still_clocks(subject: Subject, kind: str) -> list[str]:
+    """Return the names of the Clocks that do not tick when the host in C runs a kind of the FMU."""
+    moving = [] if kind == "ModelExchange" else _list_periodic_clocks(subject)
+    return [clock.name for clock in subject.input_clocks if clock not in moving]
+
+
+def _list_periodic_clocks(subject: Subject) -> list[InputClock]:
+    """Return the Clocks whose ticks follow from the model description."""
+    return [clock for clock in subject.input_clocks if clock.kind in PERIODIC and clock.interval]
+
+
+def _list_settable_variables(subject: Subject) -> list[ModelVariable]:
+    """Return the variables that can be set before initialization, without aliases."""
+    variables_by_reference: dict[tuple[str, int], ModelVariable] = {}
+    for v in subject.description.modelVariables:
+        allowed = v.variability != "constant" and v.initial in ("exact", "approx")
+        if allowed and v.causality != "independent" and read_start(v) is not None:
+            variables_by_reference.setdefault((kind_of(v), int(v.valueReference)), v)
+    return list(variables_by_reference.values())
+
+
+def _group(version: int, name: str, variables: Iterable[ModelVariable], values: bool = True) -> list[str]:
+    """Return the arrays of a group of variables, for each type."""
+    lines = []
+    for kind in _TYPES[version]:
+        members, prefix = [v for v in variables if kind_of(v) == kind], f"{name}_{kind.upper()}"
+        lines += _write_references(version, prefix, members)
+        if values:
+            literals = [_write_literal(x) for v in _drop_aliases(members) for x in _list_start_values(v)]
+            lines.append(_write_array(f"fmi{version}{kind}", f"{prefix}_VALUES", literals))
+    return lines
+
+
+def _write_references(version: int, name: str, variables: Iterable[ModelVariable]) -> list[str]:
+    """Return the value references of variables, the number of these, and that of values."""
+    unique = _drop_aliases(variables)
+    return [
+        f"#define {name}_REFERENCES {len(unique)}",
+        f"#define {name}_COUNT {sum(getattr(v, 'size', 1) for v in unique)}",
+        _write_array(f"fmi{version}ValueReference", name, [v.valueReference for v in unique]),
+    ]
+
+
+def _drop_aliases(variables: Iterable[ModelVariable]) -> list[ModelVariable]:
+    """Return one element of each array of FMI 3.0; all variables of FMI 2.0, of which some are aliases."""
+    by_reference: dict[Any, ModelVariable] = {}
+    for v in variables:
+        by_reference.setdefault(v.valueReference if isinstance(v, ElementVariable) else id(v), v)
+    return list(by_reference.values())
+
+
+def _list_start_values(variable: ModelVariable) -> Sequence[Any]:
+    """Return the start values of the whole array of an element, or that of a scalar."""
+    if isinstance(variable, ElementVariable) and variable.size > 1:
+        return variable.array_start
+    return [read_start(variable)]
+
+
+def _write_array(ctype: str, name: str, values: Sequence[Any]) -> str:
+    return f"static const {ctype} {name}[] = {{{', '.join(map(str, values)) or '0'}}};"
+
+
+def _write_literal(value: Any) -> str:
+    """Return a value of any type in C."""
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, float):
+        return _write_real(value)
+    return _quote(value) if isinstance(value, str) else str(value)
+
+
+def _write_real(value: float) -> str:
+    return value.hex() if math.isfinite(value) else "0.0"
+
+
+def _quote(text: str) -> str:
+    """Return a C string literal with all bytes as octal numbers, safe for any text."""
+    return '"' + "".join(f"\\{byte:03o}" for byte in text.encode()) + '"'

@@ -24,8 +24,9 @@ from .compiling import (
     compile_library,
     find_sources,
     list_compilers,
+    list_still_clocks,
+    write_plan,
 )
-from .plan import list_still_clocks, write_plan
 
 _ERROR = re.compile(r"ERROR: AddressSanitizer:? (?P<kind>[\w-]+)(?P<rest>[^\n]*)")
 _ACCESS = re.compile(r"^(?P<access>READ|WRITE) of size (?P<size>\d+)", re.MULTILINE)

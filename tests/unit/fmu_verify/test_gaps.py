@@ -12,9 +12,9 @@ from emla_cosim.fmu.instance import FATAL
 from fmu_verify import check_runner
 from fmu_verify.check import RETURNS, CheckOutcome, Clause, Verdict, check
 from fmu_verify.checks import behavior, calls, logs, typed_values, values
-from fmu_verify.host.fresh_process import in_fresh_process
 from fmu_verify.host.hosted_instance import CallError, HostedInstance
 from fmu_verify.subject import Subject
+from fmu_verify.subprocess_run import in_fresh_process
 from fmublock import Block, State
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.examining import unpacked

@@ -27,12 +27,12 @@ from fmu_verify.host.experiment import (
     run_alone,
     step_instance,
 )
-from fmu_verify.host.fresh_process import in_fresh_process
 from fmu_verify.host.hosted_instance import CallError, HostedInstance
 from fmu_verify.host.other_values import choose_other
 from fmu_verify.host.process_state import BYTE, fill_memory
 from fmu_verify.settings import Settings
 from fmu_verify.subject import Subject
+from fmu_verify.subprocess_run import in_fresh_process
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.editing import setting
 from tests.support.broken.examining import examine, list_problems, unpacked

@@ -12,7 +12,7 @@ from lxml import etree
 
 from emla_cosim.base.errors import CommandError
 from fmu_verify.check import passed
-from fmu_verify.explanation import shorten_names
+from fmu_verify.findings import shorten_names
 from fmu_verify.report import Report
 from tests.support.reports import CLAUSE, STARTED, examined, finding, hostile, ordinary, report
 

@@ -11,8 +11,7 @@ from rich.table import Column, Table
 
 from fmu_verify.catalogue import CHECKS
 from fmu_verify.check import Verdict
-from fmu_verify.explanation import format_command
-from fmu_verify.findings import Examined
+from fmu_verify.findings import Examined, format_command
 from fmu_verify.references.recording import SHAPES
 from fmu_verify.report import Report
 from fmu_verify.report_files import REPORT_FILES
