@@ -57,7 +57,7 @@ class ContinuousModel(ABC):
 
     @cached_property
     @abstractmethod
-    def reports_steps(self) -> bool:
+    def needs_completed_step(self) -> bool:
         """Whether the FMU needs a call when a step of the integrator is complete."""
 
     @abstractmethod
@@ -105,7 +105,7 @@ class ContinuousModel(ABC):
 
     def complete_step(self) -> bool:
         """Tell the FMU that a step of the integrator is complete; return whether an event follows."""
-        if not self.reports_steps:
+        if not self.needs_completed_step:
             return False
         boolean = ctypes.c_bool if self.is_3 else ctypes.c_int
         enters, ends = boolean(), boolean()

@@ -139,7 +139,7 @@ def judge_maps(subject: Subject) -> Iterator[Problem]:
         yield Breach(f"The FMU has no terminal of a kind of {STRUCT}.", quote("struct.maps"))
 
 
-def doubt_maps(subject: Subject) -> Iterator[Problem]:
+def list_unusual_matching_rules(subject: Subject) -> Iterator[Problem]:
     """Yield terminals of maps with a matching rule that is not the recommended one."""
     rule = _MAP.removesuffix(".")
     for terminal in _list_terminals(subject):

@@ -27,7 +27,7 @@ from ..layered_manifest import (
 )
 from ..messages import Breach, Problem, format_sentence, judge_problems, shorten_sentence
 from ..subject import Subject
-from ._layered_demands import doubt_maps, judge_buses, judge_maps, judge_xcp
+from ._layered_demands import judge_buses, judge_maps, judge_xcp, list_unusual_matching_rules
 from .description import find_schema_problems
 
 _DOMAIN = re.compile(r"[A-Za-z][\w-]*(\.[\w-]+)+")
@@ -161,7 +161,7 @@ def _judge_related(manifest: LayeredManifest, subject: Subject, findings: Findin
 
 def _judge_struct(manifest: LayeredManifest, subject: Subject, findings: Findings) -> None:
     findings.problems.extend(judge_maps(subject))
-    findings.doubts.extend(doubt_maps(subject))
+    findings.doubts.extend(list_unusual_matching_rules(subject))
 
 
 class _Standard(NamedTuple):

@@ -54,7 +54,7 @@ class HostedModel(ContinuousModel):
         return self._subject.description
 
     @cached_property
-    def reports_steps(self) -> bool:
+    def needs_completed_step(self) -> bool:
         """Whether the FMU needs a call after each step of the integrator."""
         if self.is_3:
             return self._subject.has_flag("needsCompletedIntegratorStep", "ModelExchange")

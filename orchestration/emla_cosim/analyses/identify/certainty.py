@@ -412,11 +412,13 @@ def rank_experiments(task: IdentificationTask, predictor: Predictor) -> list[Can
             samples.append(np.concatenate([run[s] / task.sigma[s] for s in predictor.signals]))
         above, below = samples[1 : 1 + len(point)], samples[1 + len(point) :]
         columns = [(a - b) / (2.0 * _STEP) for a, b in zip(above, below, strict=True)]
-        candidates.append(_assess(parameters, point, experiment.name, np.column_stack(columns)))
+        candidates.append(_assess_candidate(parameters, point, experiment.name, np.column_stack(columns)))
     return sorted(candidates, key=lambda candidate: (-candidate.information, candidate.experiment))
 
 
-def _assess(parameters: Parameters, point: Vector, name: str, jacobian: NDArray[np.float64]) -> Candidate:
+def _assess_candidate(
+    parameters: Parameters, point: Vector, name: str, jacobian: NDArray[np.float64]
+) -> Candidate:
     information = jacobian.T @ jacobian
     sign, logarithm = np.linalg.slogdet(information)
     # the inverse of such a matrix is rounding

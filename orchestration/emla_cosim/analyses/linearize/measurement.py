@@ -103,7 +103,9 @@ def measure(
     if frequency is None:
         frequency = np.geomspace(1.0 / perturbation.duration, 0.5 / step, _POINTS)
     # the response to one pulse alone differs by the nonlinearity, which estimates the error
-    samples = [_scale(point, x / reaction.amplitude) for x in (reaction.linear, reaction.positive)]
+    samples = [
+        _normalize_response(point, x / reaction.amplitude) for x in (reaction.linear, reaction.positive)
+    ]
     H, rough = (transform_response(x, integrators, frequency, step) for x in samples)
     if not point.is_loop:
         unit = perturbation.unit(point)
@@ -174,7 +176,7 @@ def _check(perturbation: Perturbation, point: AnalysisPoint, reaction: _Reaction
         )
 
 
-def _scale(point: AnalysisPoint, samples: Vector) -> Vector:
+def _normalize_response(point: AnalysisPoint, samples: Vector) -> Vector:
     """Return the response to a pulse of 1: the sensitivity of a loop, or the output at communication points.
 
     Inside of a component the pulse reaches the output with a gain, that of its first sample.

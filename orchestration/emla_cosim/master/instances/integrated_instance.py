@@ -38,7 +38,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
         return self.file.description
 
     @cached_property
-    def reports_steps(self) -> bool:
+    def needs_completed_step(self) -> bool:
         """Whether the FMU needs a call when a step of the integrator is complete."""
         return self.file.has_capability("needsCompletedIntegratorStep")
 

@@ -204,7 +204,7 @@ class IsolatedInstance(DescribedInstance):
         try:
             with contextlib.ExitStack() as resources:
                 self._calls = resources.enter_context(contextlib.closing(CrashPageFile()))
-                self._process = Child(f"{__package__}.isolated_instance:serve", self._calls.path)
+                self._process = Child(f"{__name__}:serve", self._calls.path)
                 resources.pop_all()
         except OSError as error:
             raise CommandError(f"the process of {name} cannot start: {error.strerror}.") from error
