@@ -168,7 +168,7 @@ class PlainStepper:
         """Get outputs of an instance; those that follow known inputs, after these are set to the end."""
         instance, part = self.network.instances[i], self.network.parts[i]
         instance.get_outputs()
-        if i in self.algorithm.known and instance.span_references:
+        if i in self.algorithm.known_sources and instance.span_references:
             for span in SPANS:
                 names = [f"step.{span}.{v.name}" for v in instance.written]
                 values = [instance.value(instance.file.variables[name]) for name in names]
@@ -335,7 +335,7 @@ class PlainSteps(FixedSteps):
             if (failure := algorithm.network.find_nonfinite_signal(times.point(k + 1))) is not None:
                 algorithm.steps = k
                 raise failure
-            if (k + 1) % rows.every == 0:
+            if (k + 1) % rows.steps_per_row == 0:
                 self.record(rows, algorithm.network.observer.is_due(k + 1))
             if clock.monotonic() > ends:
                 return

@@ -15,8 +15,8 @@ from emla_cosim.master.stepping.timing import CommunicationPoints
 class Table:
     """Rows that are all kept; the room for new ones is small, so that blocks end often."""
 
-    def __init__(self, width: int, every: int = 1, room: int = 7) -> None:
-        self.every = every
+    def __init__(self, width: int, steps_per_row: int = 1, room: int = 7) -> None:
+        self.steps_per_row = steps_per_row
         self._block = np.empty((room, width))
         self._blocks: list[np.ndarray] = [np.empty((0, width))]
 
@@ -50,10 +50,10 @@ def step_by_step(algorithm: Algorithm, times: CommunicationPoints) -> Iterator[i
 
 
 def recorded(
-    stepping: Stepping, every: int = 1, interrupted: Callable[[], bool] = lambda: False, room: int = 7
+    stepping: Stepping, steps_per_row: int = 1, interrupted: Callable[[], bool] = lambda: False, room: int = 7
 ) -> np.ndarray:
     """All rows from where the stepping is to where it ends, time first."""
-    table = Table(1 + len(stepping.algorithm.network.signals), every, room)
+    table = Table(1 + len(stepping.algorithm.network.signals), steps_per_row, room)
     stepping.record(table)
     try:
         simulate(stepping, table, interrupted)
@@ -64,7 +64,7 @@ def recorded(
 
 
 def simulated(
-    network: Network, algorithm: Algorithm, times: CommunicationPoints, every: int = 1
+    network: Network, algorithm: Algorithm, times: CommunicationPoints, steps_per_row: int = 1
 ) -> np.ndarray:
     """All rows of a run in fixed steps, time first."""
-    return recorded(FixedSteps(begun(network, algorithm, times), times), every)
+    return recorded(FixedSteps(begun(network, algorithm, times), times), steps_per_row)

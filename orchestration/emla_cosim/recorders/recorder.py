@@ -25,7 +25,7 @@ class RunLayout:
         units: units of the signals.
         times: start, stop and communication points, in s.
         recorded: positions of the signals to keep, in the order of their columns.
-        every: keep every n-th row.
+        steps_per_row: keep every n-th row.
         parameters: parameters of the components, by full name; Booleans are 0 or 1, Strings are left out.
         roles: signal by joint and role, such as `lift.x_L`.
         criteria: values of the option `criteria`.
@@ -39,7 +39,7 @@ class RunLayout:
     units: Sequence[SiUnit | None]
     times: CommunicationPoints
     recorded: Sequence[int]
-    every: int = 1
+    steps_per_row: int = 1
     parameters: Mapping[str, float] = field(default_factory=dict)
     roles: Mapping[str, str] = field(default_factory=dict)
     criteria: Mapping[str, float | str] = field(default_factory=dict)

@@ -31,7 +31,7 @@ class RowBuffer:
     Args:
         width: Number of values in a row.
         recorders: The recorders.
-        every: Every `every`-th communication point is recorded.
+        steps_per_row: Every n-th communication point is recorded.
         block_rows: Largest number of rows in a block.
         transformations: Transformations of signals that recorders get in another unit, by position.
         texts: Positions in a row of Strings. A row that has one is passed on at once, because another process
@@ -43,14 +43,14 @@ class RowBuffer:
         self,
         width: int,
         recorders: Sequence[Recorder],
-        every: int = 1,
+        steps_per_row: int = 1,
         block_rows: int = BLOCK_ROWS,
         transformations: Mapping[int, LinearTransformation] | None = None,
         texts: Sequence[int] = (),
         map_rows: Callable[[int], Any] = lambda size: None,
     ) -> None:
-        self.every = every
-        self._recorders, self._shown, self._texts = recorders, transformations or {}, list(texts)
+        self.steps_per_row = steps_per_row
+        self._recorders, self._transformations, self._texts = recorders, transformations or {}, list(texts)
         self._block = max(min(block_rows, BLOCK_SIZE // (8 * width)), 1)
         blocks = max(RING_SIZE // (8 * width * self._block), LEAST_BLOCKS)
         mapped_rows = map_rows(blocks * self._block * width * 8)
@@ -85,7 +85,7 @@ class RowBuffer:
         if not count:
             return
         first, self._passed = self._passed % len(self._ring), self._filled
-        rows = show_rows(self._ring[first : first + count], self._shown).view()
+        rows = show_rows(self._ring[first : first + count], self._transformations).view()
         rows.flags.writeable = False  # all recorders get the same array
         self._call_each(lambda recorder: recorder.write(rows))
 

@@ -31,18 +31,18 @@ class Table(Recorder):
         self._has_all_signals = list(layout.recorded) == list(range(len(layout.names)))
         self.types = {n: t for n, t in layout.types.items() if n in self.names}
         self.texts = layout.texts
-        self._every = layout.every
+        self._steps_per_row = layout.steps_per_row
         self._row_count = int(state["rows"]) if state is not None else 0
         self._last: Vector | None = None
 
     def write(self, rows: Vector) -> None:
         """Append the rows that are due."""
-        due = rows[-self._row_count % self._every :: self._every]
+        due = rows[-self._row_count % self._steps_per_row :: self._steps_per_row]
         self._last = None
         self._row_count += len(rows)
         if len(due):
             self.append(due if self._has_all_signals else due[:, self._columns])
-        pending = (self._row_count - 1) % self._every != 0
+        pending = (self._row_count - 1) % self._steps_per_row != 0
         self._last = np.ascontiguousarray(rows[-1:, self._columns]) if pending else None
 
     def end(self) -> None:

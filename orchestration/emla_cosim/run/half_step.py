@@ -105,7 +105,7 @@ def halve_step(simulation: Simulation, options: Mapping[str, Any]) -> HalfStep:
         raise NotHalvedError(f"{system.split(random)[0].name} draws random numbers in each step ({random})")
     step = plan.times.step
     # rows at the same times as before, so that both runs can be compared
-    halved: dict[str, Any] = {"step_size": 0.5 * step, "output_interval": plan.every * step}
+    halved: dict[str, Any] = {"step_size": 0.5 * step, "output_interval": plan.steps_per_row * step}
     if samplers:
         halved["step_multiples"] = {sampler: 2 * n for sampler, n in samplers.items()}
     return HalfStep(halved, step, samplers, algorithm.accuracy, algorithm.exchange.holds)

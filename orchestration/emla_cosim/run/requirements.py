@@ -201,13 +201,13 @@ class StoppingRows:
     """Takes rows for a buffer, up to the first one that meets a condition.
 
     Attributes:
-        every: Every `every`-th communication point has a row.
+        steps_per_row: Every n-th communication point has a row.
         met: What ended the run: the condition and the time in s; None before.
     """
 
     def __init__(self, buffer: RowBuffer, conditions: Sequence[StopCondition]) -> None:
         self._buffer, self._conditions = buffer, conditions
-        self.every = buffer.every
+        self.steps_per_row = buffer.steps_per_row
         self._room: Vector | None = None
         self.met: tuple[Requirement, float] | None = None
 

@@ -142,7 +142,7 @@ def _settings(definition: RunDefinition, plan: RunPlan) -> dict[str, Any]:
     options, times = plan.options, plan.times
     settings = definition.values(lambda o: o.record if o.recorded else "")
     del settings["mapping"]  # it is part of the replacement
-    interval = plan.every * times.step if plan.control.is_regular else options.output_interval
+    interval = plan.steps_per_row * times.step if plan.control.is_regular else options.output_interval
     return settings | {
         "start_time_s": times.start,
         "stop_time_s": times.stop,

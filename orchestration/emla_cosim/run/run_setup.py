@@ -31,7 +31,7 @@ class RunPlan:
     Attributes:
         options: Values of all options.
         times: Communication points.
-        every: Every `every`-th communication point has a row in tables.
+        steps_per_row: Every n-th communication point has a row in tables.
         algorithm: The algorithm, before its `setup`.
         control: The step-size control.
         pacing: Limit of the speed; None without one.
@@ -46,7 +46,7 @@ class RunPlan:
 
     options: Options
     times: CommunicationPoints
-    every: int
+    steps_per_row: int
     algorithm: Algorithm
     control: StepSizeControl
     pacing: Pacing | None
@@ -72,7 +72,7 @@ def plan_run(options: Options, name: str, notes: Sequence[str] = ()) -> RunPlan:
     """
     times = run_times(options, name)
     stored = None
-    every, algorithm = steps_per_row(options, times), options.make_algorithm()
+    steps_per_row, algorithm = count_steps_per_row(options, times), options.make_algorithm()
     control = options.make_step_size_control()
     requirements = [parse_requirement(text) for text in options.require]
     if options.reference is not None:
@@ -80,7 +80,9 @@ def plan_run(options: Options, name: str, notes: Sequence[str] = ()) -> RunPlan:
         notes = [*notes, *stored.notes]
     margins = read_margins(options.margins) if options.margins is not None else None
     pacing = Pacing(options.real_time) if options.real_time is not None else None
-    return RunPlan(options, times, every, algorithm, control, pacing, requirements, stored, margins, notes)
+    return RunPlan(
+        options, times, steps_per_row, algorithm, control, pacing, requirements, stored, margins, notes
+    )
 
 
 def run_times(options: Options, name: str) -> CommunicationPoints:
@@ -102,7 +104,7 @@ def describe_times(options: Options) -> list[str]:
     return facts
 
 
-def steps_per_row(options: Options, times: CommunicationPoints) -> int:
+def count_steps_per_row(options: Options, times: CommunicationPoints) -> int:
     """Return the number of fixed steps per output interval.
 
     The default interval is 1 ms, a step that is longer, or a fraction of a run that is short.
@@ -137,7 +139,9 @@ def describe_interval(plan: RunPlan) -> list[str]:
     """Return a remark on the distance of rows, if the run is too short for the default one."""
     if not (_is_short(plan.options, plan.times) and plan.control.is_regular):
         return []
-    distance = f"every {plan.every * plan.times.step:g} s" if plan.every > 1 else "after each step"
+    distance = (
+        f"every {plan.steps_per_row * plan.times.step:g} s" if plan.steps_per_row > 1 else "after each step"
+    )
     return [f"the run is short: its rows are {distance}, not every 1 ms (--output-interval)."]
 
 

@@ -51,7 +51,7 @@ def wire_run(
         plan = replace(plan, recorded=recorded)
     observed = dict.fromkeys([*assembly.outputs, *plan.recorded, *(c.figure for c in plan.conditions)])
     # the network has exchanged variables and outputs; others are read in addition
-    assembly.observe([name for name in observed if name in unconnected_variables], plan.every)
+    assembly.observe([name for name in observed if name in unconnected_variables], plan.steps_per_row)
     with contextlib.ExitStack() as on_error:
         profiler = None
         if options.profile:
@@ -166,7 +166,7 @@ def _make_outline(plan: RunPlan, assembly: Assembly, stepping: Stepping) -> RunL
         [signal.unit for signal in signals],
         plan.times,
         [position[name] for name in plan.recorded],
-        plan.every,
+        plan.steps_per_row,
         assembly.parameters(),
         options.roles,
         options.criteria,

@@ -52,7 +52,7 @@ class Folder:
         """
         self.path, self.overwrite = path, overwrite
         try:
-            self._place = path.resolve()
+            self._real_path = path.resolve()
             is_not_folder = (path.exists() or path.is_symlink()) and not path.is_dir()
         except (OSError, ValueError, RuntimeError) as error:
             reason = getattr(error, "strerror", None) or error
@@ -64,9 +64,9 @@ class Folder:
     def check_files(self, names: Iterable[str]) -> None:
         """Raise CommandError if files of these names cannot be written, or the folder is not emla's."""
         # a new folder has nothing to lose
-        if not self._place.is_dir():
+        if not self._real_path.is_dir():
             return
-        names = [name for name in names if os.path.lexists(self._place / name)]
+        names = [name for name in names if os.path.lexists(self._real_path / name)]
         for name in names:
             resolve_output_path(self.path / name, f"the file of the {self.subject}")
         try:
@@ -84,17 +84,19 @@ class Folder:
 
     def _find_strange(self, names: Sequence[str]) -> str | None:
         """Return a file that a command of this kind did not write, or None if it may write here."""
-        if (nonempty := next((name for name in names if not is_new(self._place / name)), None)) is not None:
+        if (
+            nonempty := next((name for name in names if not is_new(self._real_path / name)), None)
+        ) is not None:
             return nonempty
-        if any(has_record(self._place, record) for record in RECORDS):
+        if any(has_record(self._real_path, record) for record in RECORDS):
             return None
         # hidden files, such as those of a killed command, disturb no user, nor do empty ones
-        unknown = sorted(set(os.listdir(self._place)).difference(names))  # noqa: PTH208
+        unknown = sorted(set(os.listdir(self._real_path)).difference(names))  # noqa: PTH208
         return next((name for name in unknown if not name.startswith(".")), None)
 
     def has_own_record(self) -> bool:
         """Return whether a command of this kind wrote to the folder. Raises OSError."""
-        return has_record(self._place, self.record_file)
+        return has_record(self._real_path, self.record_file)
 
     def write(self, name: str, content: bytes) -> Path:
         """Write a file and return its path. Raises RunError."""
@@ -117,7 +119,7 @@ class Folder:
         """Open a stream for a file, which appears when it is complete. Raises RunError."""
         with (
             report_write_errors(self.path),
-            write_atomically(self._place / name, self._check_again) as stream,
+            write_atomically(self._real_path / name, self._check_again) as stream,
         ):
             yield stream
 
@@ -134,13 +136,13 @@ class Folder:
         with report_write_errors(self.path):
             # without a record, the files may be those of the user
             for name in names if self.has_own_record() else ():
-                if is_regular(self._place / name):
-                    (self._place / name).unlink()
+                if is_regular(self._real_path / name):
+                    (self._real_path / name).unlink()
 
     def check_unread(self, read: Iterable[Mapping[Path, str]]) -> None:
         """Raise CommandError if an output file is also an input. `read` describes the inputs by path."""
         used = {file: label for files in read for file, label in files.items()}
-        if self._place.is_dir():
+        if self._real_path.is_dir():
             check_output_files(self.roles, used)
 
     @property
@@ -157,15 +159,15 @@ class Folder:
         Raises:
             CommandError: If another command uses the folder, or it cannot be created.
         """
-        missing = [folder for folder in (self._place, *self._place.parents) if not folder.exists()]
+        missing = [folder for folder in (self._real_path, *self._real_path.parents) if not folder.exists()]
         try:
-            self._place.mkdir(parents=True, exist_ok=True)
+            self._real_path.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise CommandError(
                 f"the output folder '{self.path}' cannot be written: {error.strerror}."
             ) from error
         try:
-            with exclusive_lock(self._place):
+            with exclusive_lock(self._real_path):
                 self._remove_leftovers()
                 yield
         finally:
@@ -175,11 +177,11 @@ class Folder:
                     folder.rmdir()
 
     def _remove_leftovers(self) -> None:
-        for folder in (self._place, *(self._place / name for name in self.inner)):
+        for folder in (self._real_path, *(self._real_path / name for name in self.inner)):
             if not folder.is_symlink():
                 remove_unfinished(folder)
         with contextlib.suppress(OSError):
             # earlier versions wrote it; nothing reads it any more
-            manifest = self._place / _OLD_MANIFEST
+            manifest = self._real_path / _OLD_MANIFEST
             if is_regular(manifest) and has_format("emla-output")(manifest):
                 manifest.unlink()

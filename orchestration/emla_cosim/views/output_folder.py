@@ -92,7 +92,7 @@ class OutputFolder(Folder):
         """Check also the folder for parts of the table; see `Folder.check_files`."""
         super().check_files(names)
         with report_write_errors(self.path):
-            problem = strange_parts(self._place / self.results.name)
+            problem = strange_parts(self._real_path / self.results.name)
         if problem is not None:
             raise CommandError(f"{problem}, or choose another output folder.")
 
@@ -102,7 +102,7 @@ class OutputFolder(Folder):
 
     def table(self) -> Table:
         """Return the recorder for the table of results."""
-        return TABLES[self.form](self._place / self.results.name)
+        return TABLES[self.form](self._real_path / self.results.name)
 
     def begin(self, scenario: str, keep_results: bool = False) -> None:
         """Remove the files of an earlier run, and write run.json for the one that begins.
@@ -221,7 +221,7 @@ class OutputFolder(Folder):
 
     def _read_record(self) -> dict[str, Any]:
         """Return the content of run.json, or nothing if it is missing or invalid."""
-        path = self._place / RECORD
+        path = self._real_path / RECORD
         try:
             content = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
         except ValueError:

@@ -117,7 +117,11 @@ def test_all_rows_are_stored_in_order(seed: int) -> None:
 
 def make_run_layout(steps_per_row: int = 1) -> RunLayout:
     return RunLayout(
-        ["a", "b"], [None, None], make_communication_points(1000.0, 1.0), range(2), every=steps_per_row
+        ["a", "b"],
+        [None, None],
+        make_communication_points(1000.0, 1.0),
+        range(2),
+        steps_per_row=steps_per_row,
     )
 
 

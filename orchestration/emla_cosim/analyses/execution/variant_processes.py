@@ -29,7 +29,7 @@ from ...run.half_step import halve_step
 from ...run.options import Options
 from ...run.remarks import describe_lost_values
 from ...run.result import Result
-from ...run.run_setup import steps_per_row
+from ...run.run_setup import count_steps_per_row
 from ...run.simulation import Simulation
 from ...study.loading import register
 from ...system.model import System
@@ -244,7 +244,7 @@ class VariantProcess:
             {name: str(unit) if unit is not None else "" for name, unit in units.items()}
             for units in (simulation.units, simulation.further_units())
         )
-        rows = 1 + -(-result.times.steps // steps_per_row(simulation.options, result.times))
+        rows = 1 + -(-result.times.steps // count_steps_per_row(simulation.options, result.times))
         return cloudpickle.dumps(SimulationDescription(units, further, figures, rows))
 
     def _run(self, request: ChunkRequest, send: Send) -> tuple[float, bytes | None]:

@@ -49,7 +49,7 @@ class SweepFolder(AnalysisFolder[SweepResult]):
         """
         record = self._record()
         for name in self.inner:
-            path = self._place / name
+            path = self._real_path / name
             with report_write_errors(self.path):
                 files = list(path.iterdir()) if path.is_dir() else []
             strange = [file for file in files if not record or not _SWEEP_FILES.fullmatch(file.name)]
@@ -76,13 +76,13 @@ class SweepFolder(AnalysisFolder[SweepResult]):
         return self._record().get("status") == COMPLETED
 
     def _record(self) -> dict[str, Any]:
-        return read_record(self._place) if self.has_own_record() else {}
+        return read_record(self._real_path) if self.has_own_record() else {}
 
     def check_room(self, variants: int, figures: int, values_each: int) -> None:
         """Raise CommandError if the disk is too small. `values_each` counts values over time per variant."""
         needed = 8 * variants * (figures + values_each)
         with report_write_errors(self.path):
-            free = shutil.disk_usage(self._place).free
+            free = shutil.disk_usage(self._real_path).free
         if needed > free:
             raise CommandError(
                 f"the results of {variants} variants take up to {needed / 2**30:.3g} GiB, but "
@@ -111,36 +111,36 @@ class SweepFolder(AnalysisFolder[SweepResult]):
             self._start_record = {**earlier, **record, "status": UNFINISHED_SWEEP}
             self.write_json(RECORD, self._start_record)
             for name in (PARTS, SERIES):
-                (self._place / name).mkdir(exist_ok=True)
-            with write_atomically(self._place / PARTS / DESIGN) as stream:
+                (self._real_path / name).mkdir(exist_ok=True)
+            with write_atomically(self._real_path / PARTS / DESIGN) as stream:
                 stream.write(to_parquet(about))
-            for file in (self._place / SERIES).glob("*.parquet"):  # of chunks whose part was not written
-                if not (self._place / PARTS / file.name).exists():
+            for file in (self._real_path / SERIES).glob("*.parquet"):  # of chunks whose part was not written
+                if not (self._real_path / PARTS / file.name).exists():
                     file.unlink()
 
     def _remove_parts(self, name: str) -> None:
         """Remove a folder of parts, but keep other files in it. May raise OSError."""
-        files = sorted((self._place / name).glob("*.parquet"), key=lambda file: file.name != DESIGN)
+        files = sorted((self._real_path / name).glob("*.parquet"), key=lambda file: file.name != DESIGN)
         for file in files:  # the design first: `read_sweep` then notices
             if _SWEEP_FILES.fullmatch(file.name):
                 file.unlink()
         with contextlib.suppress(OSError):
-            (self._place / name).rmdir()
+            (self._real_path / name).rmdir()
 
     def keep_chunk(self, chunk: Chunk, measures: Measures) -> None:
         """Write the results of a chunk atomically. Raise RunError if writing fails."""
         name = f"{chunk.outcomes[0].number:09d}.parquet"
         with report_write_errors(self.path):
             if chunk.series is not None:  # before the part: a series without a part does not count
-                with write_atomically(self._place / SERIES / name) as stream:
+                with write_atomically(self._real_path / SERIES / name) as stream:
                     stream.write(chunk.series)
-            with write_atomically(self._place / PARTS / name) as stream:
+            with write_atomically(self._real_path / PARTS / name) as stream:
                 stream.write(to_parquet(_tabulate_chunk(chunk, measures)))
 
     def finished(self) -> set[int]:
         """Return the numbers of finished variants. Raise CommandError if a part cannot be read."""
         numbers = set[int]()
-        for file in (self._place / PARTS).glob(NUMBERED):
+        for file in (self._real_path / PARTS).glob(NUMBERED):
             try:
                 numbers.update(polars.read_parquet(file)[VARIANT])
             except Exception as error:
@@ -160,7 +160,7 @@ class SweepFolder(AnalysisFolder[SweepResult]):
             RunError: Writing fails.
         """
         record = {**self._start_record, "wall_s": self._start_record.get("wall_s", 0.0) + wall_s}
-        if (parts := read_parts(self._place, record["figures"])) is None:
+        if (parts := read_parts(self._real_path, record["figures"])) is None:
             raise RunError(f"the output folder '{self.path}' changed while emla ran: its parts are gone.")
         result = make_result(self.path, record, *parts)
         self.keep(replace(result, complete=is_complete), is_final=False)
@@ -169,7 +169,7 @@ class SweepFolder(AnalysisFolder[SweepResult]):
             with contextlib.suppress(OSError):
                 self._remove_parts(PARTS)
             with contextlib.suppress(OSError):
-                (self._place / SERIES).rmdir()  # where there are none
+                (self._real_path / SERIES).rmdir()  # where there are none
 
 
 def _tabulate_chunk(chunk: Chunk, measures: Measures) -> polars.DataFrame:

@@ -309,8 +309,8 @@ def _finish_result(
             metrics.write(rows)
     problem = f"the run ended at t = {end:.6g} s: {cause}."
     metrics.ended_early(problem)
-    if not _has_all_signals(layout) or layout.every > 1 or first > layout.times.start:
-        each = "each step" if layout.every == 1 else f"one of {layout.every} steps"
+    if not _has_all_signals(layout) or layout.steps_per_row > 1 or first > layout.times.start:
+        each = "each step" if layout.steps_per_row == 1 else f"one of {layout.steps_per_row} steps"
         unrecorded = "" if _has_all_signals(layout) else ", with those of its signals alone"
         remarks.append(
             f"The metrics were computed from the rows in {table.path.name}: {each} from "
@@ -337,7 +337,7 @@ def _append_rows(started_run: StartedRun, table: FileTable, newest: tuple[int, V
     """Append the rows that the table has not stored yet. Return remarks on rows that are lost."""
     layout, count = started_run.layout, crash_page.current_activity().rows
     # a run that continues an earlier one counts its rows from its own start
-    earlier_rows, steps_per_row = started_run.table_rows - started_run.rows, layout.every
+    earlier_rows, steps_per_row = started_run.table_rows - started_run.rows, layout.steps_per_row
     stored = table.count_stored() - started_run.stored_rows
     next_row = started_run.rows + -started_run.table_rows % steps_per_row + stored * steps_per_row
     if newest is None:

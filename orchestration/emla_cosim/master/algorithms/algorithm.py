@@ -77,7 +77,7 @@ class Algorithm(ABC):
     """Difference at which values in a `Solve` count as agreed, relative to the size of each signal."""
 
     program: list[Instruction] = field(init=False, repr=False)
-    known: frozenset[int] = field(init=False, repr=False)
+    known_sources: frozenset[int] = field(init=False, repr=False)
     """Instances whose signals are known in advance; they step first."""
     operations: list[Operation] = field(init=False, repr=False)
     """The calls of the program outside of groups."""
@@ -140,18 +140,18 @@ class Algorithm(ABC):
             self._apply_step_multiple(instruction, operations)
         names, count = list_vectors(program), len(self.network.signals)
         combined = {x.instance for x in program if isinstance(x, Combine)}
-        self.known = frozenset(
+        self.known_sources = frozenset(
             i
             for i in self.network.tables - combined
             if self.multiples[i] == 1 and self.network.instances[i].name not in self.step_multiples
         )
         # known signals must be there when others read them
-        self.program = move_first(program, self.known)
+        self.program = move_first(program, self.known_sources)
         self.operations = [x for x in self.program if isinstance(x, Operation)]
         self.stores = {name: np.zeros(count) for name in names}
-        if self.known:
+        if self.known_sources:
             self.stores |= {f"{span} of step": np.zeros(count) for span in SPANS}
-            self.exchange.use_known_sources(self.known, np.flatnonzero(self.multiples > 1).tolist())
+            self.exchange.use_known_sources(self.known_sources, np.flatnonzero(self.multiples > 1).tolist())
         self.groups = [self.make_group(list(x.members)) for x in self.program if isinstance(x, Solve)]
         self._gather_changing_values()
 
@@ -263,7 +263,7 @@ class Algorithm(ABC):
 
     def late_links(self) -> list[Link]:
         """Return the links of `late` without those whose signals are known in advance."""
-        return [link for link in self.late() if link.source not in self.known]
+        return [link for link in self.late() if link.source not in self.known_sources]
 
     def remarks(self) -> list[str]:
         """Return notes on the exchange of values that a reader of the results needs."""

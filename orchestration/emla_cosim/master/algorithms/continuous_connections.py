@@ -56,7 +56,8 @@ def list_continuous_connections(
     paths = [
         (first, last, is_late)
         for first in network.links
-        if first.source not in network.followers | algorithm.known and exchange.smooth[network.signal(first)]
+        if first.source not in network.followers | algorithm.known_sources
+        and exchange.smooth[network.signal(first)]
         for last, is_late in _list_readers(network, first, late)
         if _is_continuous(network, first, last, sampling)
     ]

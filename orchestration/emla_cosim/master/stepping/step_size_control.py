@@ -134,7 +134,7 @@ class FixedSteps(Stepping):
         return min(self.times.steps, math.floor(ahead + ROUNDING))
 
     def _advance(self, rows: RowSink, last: int) -> None:
-        first, stride, observer = self.algorithm.steps, rows.every, self.algorithm.network.observer
+        first, stride, observer = self.algorithm.steps, rows.steps_per_row, self.algorithm.network.observer
         self._division.save()
         if observer.strings:  # C cannot read texts
             last = min(last, observer.find_next_due(first))

@@ -118,7 +118,9 @@ class StepperTables:
         stepper.taken, stepper.taken_at = history.last_read.ctypes.data, history.last_read_at.ctypes.data
         stepper.input_values = self._keep(network.inputs)
         stepper.derivatives = self._keep(algorithm.exchange.derivatives)
-        stepper.first_span = FIRST_STORE + len(algorithm.stores) - (len(SPANS) if algorithm.known else 0)
+        stepper.first_span = (
+            FIRST_STORE + len(algorithm.stores) - (len(SPANS) if algorithm.known_sources else 0)
+        )
         stepper.largest = algorithm.scale.largest.ctypes.data
         stepper.activity = ctypes.addressof(crash_page.current_activity())
 
@@ -237,7 +239,7 @@ class StepperTables:
         references = points.input_references if sets else points.output_references
         count = len(network.inputs[network.input_parts[i]] if sets else network.signals[network.parts[i]])
         calls = [self._make_real_call(i, points, access, references, vector[first : first + count])]
-        if not sets and i in self._algorithm.known:
+        if not sets and i in self._algorithm.known_sources:
             for span, span_references in zip(SPANS, network.instances[i].span_references, strict=False):
                 values = self._algorithm.stores[f"{span} of step"][first : first + count]
                 self._owners.append(span_references)

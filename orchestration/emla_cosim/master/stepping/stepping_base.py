@@ -25,7 +25,7 @@ class RowSink(Protocol):
     Every `every`-th communication point is recorded.
     """
 
-    every: int
+    steps_per_row: int
 
     def room(self, most: int) -> Vector:
         """Return free rows to fill in the order of time: at least one, at most `most`."""
