@@ -3,33 +3,36 @@
 from tests.support.identifiers import VAGUE, find_faults_of_prose, list_vague_names
 
 MOST = {
-    "found": 228,
-    "one": 66,
-    "place|places": 90,
-    "given": 73,
-    "known": 64,
-    "own": 32,
-    "shown": 53,
-    "what": 23,
-    "said": 5,
-    "wanted": 23,
-    "whole": 22,
-    "kept": 19,
-    "chosen": 22,
-    "every": 23,
-    "asked": 7,
-    "told": 4,
-    "theirs|mine": 17,
-    "taken": 3,
-    "named": 9,
-    "again": 7,
-    "beside": 4,
-    "judged": 4,
+    "found": 21,
+    "one": 0,
+    "place|places": 15,
+    "given": 4,
+    "known": 25,
+    "own": 8,
+    "shown": 3,
+    "what": 8,
+    "said": 0,
+    "wanted": 10,
+    "whole": 2,
+    "kept": 2,
+    "chosen": 6,
+    "every": 1,
+    "asked": 1,
+    "told": 0,
+    "theirs|mine": 0,
+    "taken": 1,
+    "named": 1,
+    "again": 0,
+    "beside": 1,
+    "judged": 1,
     "meant": 0,
 }
-"""Most definitions of vague names. Lower a number when you rename some; never raise it."""
+"""Most definitions of vague names. Lower a number when you rename some; never raise it.
 
-MOST_FAULTS = 54
+What is left are the sources of FMUs, whose bytes names decide, FMI's word known, and keys of files.
+"""
+
+MOST_FAULTS = 8
 """Most riddles in docstrings, comments and messages; the same holds for it."""
 
 
