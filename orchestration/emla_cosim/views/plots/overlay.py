@@ -147,15 +147,7 @@ def overlay_runs(
     if patterns:
         if (text := next((p for p in patterns if p in texts), None)) is not None:
             raise CommandError(f"'{text}' has texts, which cannot be plotted.", name=text)
-        mains = {run.main for run in runs}
-        # names without component are unique only if all runs have the same main component
-        selected = select_names(patterns, names, "signal", mains.pop() if len(mains) == 1 else "")
-        needed = len(selected) if len(runs) > 1 else count_panels(selected, units, types)
-        if needed > MOST_PANELS:
-            raise CommandError(
-                f"{len(selected)} signals need {needed} panels, but a plot has at most {MOST_PANELS}; name "
-                f"fewer, such as '{selected[0]}'."
-            )
+        selected = _select_signals(runs, patterns, names, units, types)
     else:
         selected, notes = _choose_default_signals(runs, names, units, types)
     notes += [*(note for run in runs for note in run.notes), *_describe_missing(runs, selected)]
@@ -173,6 +165,26 @@ def overlay_runs(
     if title is None and layout == SCREEN:
         title = ", ".join(run.label for run in runs)
     return Overlay(draw_stacked(panels, title, LAYOUTS[layout]), notes)
+
+
+def _select_signals(
+    runs: Sequence[Traces],
+    patterns: Sequence[str],
+    names: Sequence[str],
+    units: Mapping[str, str],
+    types: Mapping[str, SignalType],
+) -> list[str]:
+    """Return the signals that match the patterns. Raise CommandError if there are too many for a plot."""
+    mains = {run.main for run in runs}
+    # names without component are unique only if all runs have the same main component
+    selected = select_names(patterns, names, "signal", mains.pop() if len(mains) == 1 else "")
+    needed = len(selected) if len(runs) > 1 else count_panels(selected, units, types)
+    if needed > MOST_PANELS:
+        raise CommandError(
+            f"{len(selected)} signals need {needed} panels, but a plot has at most {MOST_PANELS}; name "
+            f"fewer, such as '{selected[0]}'."
+        )
+    return selected
 
 
 def _read_trace(path: Path, label: str) -> Traces:
