@@ -1,4 +1,4 @@
-"""A check: its name, the clause of the standard, the checks that it needs, and its function."""
+"""A check: its name, clause and function, its outcome, and the terms of the FMU's version."""
 
 import inspect
 import re

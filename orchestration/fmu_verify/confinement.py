@@ -1,4 +1,4 @@
-"""Confine a process: it writes files only in some folders, and sends signals only to its own processes.
+"""Confine a process: it writes files only in some folders, such as that of its check.
 
 This uses Landlock of the Linux kernel, which needs no rights and no package.
 """

@@ -1,4 +1,4 @@
-"""Run all checks of one FMU."""
+"""Run all checks of one FMU, decide whether it passes, and list what could not be judged."""
 
 import difflib
 import time

@@ -1,4 +1,4 @@
-"""The process that examines files: it gets jobs, and sends findings.
+"""The process that examines files, and systems of FMUs as far as it must know them.
 
 Checks fork from it. It has no threads and few modules loaded, whatever the caller has.
 """

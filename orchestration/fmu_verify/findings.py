@@ -1,4 +1,4 @@
-"""The findings about FMUs."""
+"""The findings about FMUs, and what reports say of them."""
 
 import shlex
 from collections import Counter

@@ -1,4 +1,4 @@
-"""List and parse the shared libraries of an FMU, and list the functions that they must export."""
+"""List and parse the shared libraries of an FMU: system, processor, functions."""
 
 import re
 import struct

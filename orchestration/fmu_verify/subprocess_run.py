@@ -1,4 +1,4 @@
-"""Run a check in a subprocess, which it may crash, fill or never leave."""
+"""Run a check, or a part of it, in a subprocess, which it may crash, fill or never leave."""
 
 import dataclasses
 import json

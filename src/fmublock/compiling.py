@@ -1,4 +1,4 @@
-"""C sources of FMUs, and how zig compiles them for any platform."""
+"""C sources of FMUs, how zig compiles them for any platform, and a watch on its process."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""Write files completely or not at all, and never in place of something that is not a regular file."""
+"""Write files completely or not at all, and temporary folders that tell which process made them."""
 
 import hashlib
 import os

@@ -1,4 +1,4 @@
-"""Convert a block's equations to CasADi functions, for C code and for dependencies."""
+"""Convert a block's equations to CasADi functions, for C code, dependencies and derivatives."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Rules for replacing files: new and empty files, files of emla, and with --overwrite any regular file.
+"""Rules for replacing files, and a lock that allows one command at a time in a folder.
 
 A single file of emla has a mark in its content. In an output folder that holds a record of emla, such as
 run.json, all files with the names of emla's files are emla's. Links, folders, devices and pipes are never

@@ -1,4 +1,4 @@
-"""Files in TOML as structs of msgspec: annotations of their fields, and structs of dataclasses.
+"""Files in TOML as structs of msgspec: annotations of their fields, and their JSON Schemas.
 
 A struct is the one description of a file: `convert_value` reads and checks a file with it, `schemas.py`
 writes its JSON Schema.

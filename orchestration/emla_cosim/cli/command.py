@@ -1,4 +1,4 @@
-"""A command of `emla`, made of the module that implements it."""
+"""A command of `emla`, made of the module that implements it, and options of several commands."""
 
 import sys
 from collections.abc import Sequence

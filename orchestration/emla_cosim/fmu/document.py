@@ -1,4 +1,4 @@
-"""The XML files in an FMU that describe it as a whole, as they are written."""
+"""The XML files of an FMU as they are written, and attributes in them that cannot be read."""
 
 import re
 import zipfile

@@ -1,4 +1,4 @@
-"""FMI 3.0 variables in the terms of FMI 2.0: one variable per element of an array, with a general type."""
+"""FMI 3.0 variables in the terms of FMI 2.0: a variable for each element of an array; Clocks."""
 
 import itertools
 import math

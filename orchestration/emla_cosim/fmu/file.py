@@ -1,4 +1,4 @@
-"""FMU files: opened, checked and unpacked once for all instances in a system."""
+"""FMU files: unpacked once for all instances, their libraries, and those that are tables of data."""
 
 import struct
 import zipfile

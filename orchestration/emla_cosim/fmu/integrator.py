@@ -1,4 +1,4 @@
-"""Integration of models by CVode between communication points, with their events."""
+"""Integration of models by CVode between communication points, with the functions and events of FMUs."""
 
 import ctypes
 import math

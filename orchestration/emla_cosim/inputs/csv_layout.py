@@ -1,4 +1,4 @@
-"""Where the names, the units and the numbers of a text file begin, and what separates its columns."""
+"""Where names, units and numbers of a text file begin, what separates them, and clock times in it."""
 
 import csv
 import re

@@ -1,4 +1,4 @@
-"""Inputs with their data, the time that these cover, and the times at which they jump or bend."""
+"""Inputs with their data: the times that these cover, and those at which they jump or bend."""
 
 import contextlib
 import math

@@ -1,4 +1,4 @@
-"""Compute metrics during a run, from every communication point."""
+"""Compute metrics during a run, and statistics of all signals, from every communication point."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

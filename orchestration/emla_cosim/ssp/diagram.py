@@ -1,4 +1,4 @@
-"""Draw a system as boxes and lines, with the layout of our SSP packages."""
+"""Draw a system as boxes and lines, and lay out its elements: signals from left to right."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""The plots of joints, and of those that move a machine together."""
+"""The plots of joints, of those that move a machine together, and a map of many joints."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass

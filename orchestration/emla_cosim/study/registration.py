@@ -1,4 +1,4 @@
-"""Register the study's systems, scenarios, metrics and plots with the rooms that do not know the study."""
+"""Register the study's systems, scenarios, metrics and plots; seeds of random sequences."""
 
 from collections.abc import Callable, Mapping
 from functools import partial

@@ -1,4 +1,4 @@
-"""Format results as text for the terminal and for pages."""
+"""Format results as text for the terminal and for pages, with what joints idealize."""
 
 import json
 import math

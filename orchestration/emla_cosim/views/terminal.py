@@ -1,4 +1,4 @@
-"""Terminal output of a run: tables of results, messages, files."""
+"""Terminal output of a run: progress, tables of results, messages, files."""
 
 import re
 import sys

@@ -1,4 +1,4 @@
-"""Check values at the edges of a run: in initialization mode, after its end, and between two steps."""
+"""Check values at the edges of a run, and those that are set after initialization."""
 
 import math
 from collections.abc import Iterator

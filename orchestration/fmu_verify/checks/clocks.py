@@ -1,4 +1,4 @@
-"""Checks of what only FMI 3.0 has in variables: Clocks, previous values, dimensions."""
+"""Checks of Clocks and dimensions in the description, and of Clocks that run."""
 
 import math
 from collections.abc import Iterator, Sequence

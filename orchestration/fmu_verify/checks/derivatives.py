@@ -1,4 +1,4 @@
-"""Compare directional and adjoint derivatives with each other, and with finite differences."""
+"""Compare directional, adjoint and output derivatives with differences."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Check event mode and early return of FMI 3.0 co-simulation."""
+"""Check event mode and early return of FMI 3.0 co-simulation, and that iterations end."""
 
 from typing import NamedTuple
 

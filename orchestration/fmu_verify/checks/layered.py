@@ -1,4 +1,4 @@
-"""Check the manifests of layered standards, and what they and their standards demand of the FMU."""
+"""Check layered standards, terminals and icons."""
 
 import re
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Check the log messages of an FMU."""
+"""Check the log messages of an FMU, and the pointer to the environment that they get."""
 
 import ctypes
 import os

@@ -1,4 +1,4 @@
-"""Check that calls keep no memory."""
+"""Check that calls keep no memory, and that arrays are filled within their bounds."""
 
 import ctypes
 import gc

@@ -1,4 +1,4 @@
-"""Checks of Model Exchange: integration, and agreement with Co-Simulation."""
+"""Checks of Model Exchange: integration, agreement with Co-Simulation, states."""
 
 from collections.abc import Iterator
 from typing import Any

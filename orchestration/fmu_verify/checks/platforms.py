@@ -1,4 +1,4 @@
-"""Checks that libraries are for their platform, and for this version of the FMI."""
+"""Checks of libraries: complete, for their platform, with what they import and export."""
 
 import ctypes
 import re

@@ -1,4 +1,4 @@
-"""Checks with runs of the default experiment."""
+"""Checks with runs of the default experiment, also with other orders and steps."""
 
 import math
 import time

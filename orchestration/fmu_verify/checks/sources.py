@@ -1,4 +1,4 @@
-"""Check that the C sources of an FMU compile."""
+"""Check that the C sources of an FMU compile, and their build description."""
 
 import re
 import subprocess

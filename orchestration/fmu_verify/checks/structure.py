@@ -1,4 +1,4 @@
-"""Checks of the model structure: outputs, derivatives, initial unknowns."""
+"""Checks of the model structure: outputs, derivatives, initial unknowns, dependencies."""
 
 from collections.abc import Iterable, Iterator
 from itertools import pairwise

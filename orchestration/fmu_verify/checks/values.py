@@ -1,4 +1,4 @@
-"""Checks of the values of all variables: after the start, a reset, from a saved state."""
+"""Checks of the values of all variables, and that instances share none."""
 
 from collections.abc import Sequence
 from functools import partial

@@ -1,4 +1,4 @@
-"""Checks of variables: names, attributes, aliases."""
+"""Checks of variables: names, attributes, aliases, types and start values."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""The experiment for dynamic checks: communication points, and inputs that vary within their ranges."""
+"""The experiment for dynamic checks, and its runs: communication points, inputs, outputs."""
 
 import hashlib
 import math

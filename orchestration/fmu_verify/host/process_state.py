@@ -1,4 +1,4 @@
-"""What a process has and how it is set up, to see what an FMU leaves behind."""
+"""What a process has and how it is set up, and junk in the memory of a new one."""
 
 import contextlib
 import ctypes

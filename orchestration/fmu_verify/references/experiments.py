@@ -1,4 +1,4 @@
-"""Read files of experiments (MA-HS-Experiments), which FMI-LS-REF lists, and the files that they name.
+"""The files that FMI-LS-REF lists, with their roles, and those of experiments.
 
 The latter are tables and parameter sets (SSV).
 """

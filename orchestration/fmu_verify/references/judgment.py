@@ -1,4 +1,4 @@
-"""Judge runs by tubes around their references, and several runs together."""
+"""Run an FMU along a reference, and judge runs by tubes around their references."""
 
 import math
 import time

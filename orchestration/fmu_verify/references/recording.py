@@ -1,4 +1,4 @@
-"""Record reference files from a run of the FMU itself, to detect later changes."""
+"""Record reference files from a run of the FMU itself, with inputs that excite it."""
 
 import csv
 import json

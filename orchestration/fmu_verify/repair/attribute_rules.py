@@ -1,4 +1,4 @@
-"""Mend attributes and elements that have one right form: case, dates, annotations, repetitions, units.
+"""Mend the encoding, attributes and elements that have one right form.
 
 Identifier and GUID must be those of the libraries, which are only read.
 """

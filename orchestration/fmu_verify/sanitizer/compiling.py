@@ -1,4 +1,4 @@
-"""Compile the sources of an FMU, and the host for it, with sanitizers."""
+"""Compile the sources of an FMU and its host with sanitizers; the plan for the host."""
 
 import hashlib
 import math

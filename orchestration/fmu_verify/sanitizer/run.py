@@ -1,4 +1,4 @@
-"""Build an FMU with sanitizers, run it, and collect what they report."""
+"""Build an FMU with sanitizers, run it, and read what they report."""
 
 import os
 import re

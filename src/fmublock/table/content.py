@@ -1,4 +1,4 @@
-"""The content of a table FMU: columns of numbers over time, and outputs."""
+"""The content of a table FMU: columns, outputs, and the file with its numbers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""The plan of a comparison: all runs, and the independent subsystems that they use."""
+"""The plan of a comparison: its cases, all runs, and the independent subsystems that they use."""
 
 import math
 import shlex

@@ -1,4 +1,4 @@
-"""The report of a comparison: joints that are not held, tables, pictures, and equal terms."""
+"""The report of a comparison: tables, joints that are not held, pictures, and equal terms."""
 
 import math
 import shlex

@@ -1,4 +1,4 @@
-"""What all plans of many runs have in common: their sources, entries of their files, and options."""
+"""Files of plans: their sources, entries and options; scenario files with the values of a result."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence

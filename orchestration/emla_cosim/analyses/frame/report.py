@@ -1,4 +1,4 @@
-"""The report of an analysis as data: sentences, tables and pictures for the terminal, Markdown and a page."""
+"""The report of an analysis as data, for the terminal, Markdown, its page and notebooks."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""How certain estimates are: covariance, intervals, correlations, and parameters that are not identified.
+"""How certain estimates are, and how much planned experiments would say about them.
 
 Source: covariance of least squares with serially correlated residuals, W. K. Newey and K. D. West, "A Simple,
 Positive Semi-definite, Heteroskedasticity and Autocorrelation Consistent Covariance Matrix", Econometrica 55

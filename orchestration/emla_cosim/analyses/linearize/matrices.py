@@ -1,4 +1,4 @@
-"""State matrices by differences, and steady states by Newton's method."""
+"""State matrices by differences, and steady states, of a system that runs as Model Exchange."""
 
 from collections.abc import Collection, Sequence
 

@@ -1,4 +1,4 @@
-"""Compute Sobol indices and local sensitivities of the figures of a sweep."""
+"""Sobol indices and local sensitivities of a sweep, and what its draws imply for all variants."""
 
 import contextlib
 import math

@@ -1,4 +1,4 @@
-"""The report of an optimised motion: cost, peaks, distances, and whether bounds hold."""
+"""The report of an optimized motion: cost, peaks and distances, its pictures and files."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""The gains of a search as a unit cube: each axis is one gain, in the quantiles of its distribution."""
+"""The gains of a search as a unit cube, and arithmetic over their names in plans."""
 
 import ast
 import math

@@ -1,4 +1,4 @@
-"""Resolve the names and patterns of a plan into factors and their targets."""
+"""Resolve the names and patterns of a plan into factors, and into targets of their values."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Evaluate the metrics of a variant: registered figures, expressions over signals, and functions."""
+"""Variants with their outcomes, and the metrics that are evaluated for each."""
 
 import contextlib
 import difflib

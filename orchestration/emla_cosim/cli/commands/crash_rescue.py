@@ -1,4 +1,4 @@
-"""Finish the results of `emla run` after an FMU has ended its process.
+"""Finish the results of `emla run` after an FMU has ended its process, from what it wrote.
 
 The parent process completes the results as for an FMU that returns an error: all rows, metrics, run.json,
 and an error message with the component, call and time. Metrics are computed from the rows in the table.

@@ -1,4 +1,4 @@
-"""The part of an FMU instance that comes from its model description."""
+"""The part of an FMU instance that comes from its description, and its start values."""
 
 import math
 from abc import abstractmethod

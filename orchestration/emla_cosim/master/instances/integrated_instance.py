@@ -1,4 +1,4 @@
-"""Integration of FMUs that run as Model Exchange, by CVode between communication points."""
+"""FMUs that run as Model Exchange, integrated by CVode between communication points."""
 
 import contextlib
 import math

@@ -1,4 +1,4 @@
-"""Instances of FMUs in processes of their own: a crash of the FMU does not end the run's process."""
+"""Instances of FMUs in processes of their own: both sides of the pipe."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""Decide by measurements during the run whether several threads share a step, and how.
+"""Decide during the run whether threads share a step, and distribute its tasks among them.
 
 Results have the same bits either way, so a run can switch at any step.
 """

@@ -1,4 +1,4 @@
-"""The content of an SSP as plain data: structure (SSD), parameter sets (SSV), mappings (SSM).
+"""The content of an SSP as plain data, and identifiers that every tool accepts.
 
 Names and meanings follow the standard.
 """

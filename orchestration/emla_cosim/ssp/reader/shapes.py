@@ -1,4 +1,4 @@
-"""Shapes of array connectors: those of FMUs' variables, and what documents declare."""
+"""Shapes of array connectors, and their connections as a whole and of their elements."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping

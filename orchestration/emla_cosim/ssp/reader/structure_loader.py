@@ -1,4 +1,4 @@
-"""Loading of a structure with the files that it names: parameter files and nested systems."""
+"""Access to the files of an SSP, and loading of a structure with all that it names."""
 
 import contextlib
 import itertools

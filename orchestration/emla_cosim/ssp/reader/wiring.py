@@ -1,4 +1,4 @@
-"""The connections of nested systems, from each input of an FMU back to its source."""
+"""Collection and checks of connectors and connections, and the source of each input of an FMU."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field

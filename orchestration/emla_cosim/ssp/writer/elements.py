@@ -1,4 +1,4 @@
-"""Conversion of a system of FMUs to the elements of an SSP."""
+"""Conversion of a system of FMUs to the elements of an SSP, also those of SSP 2.0."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace

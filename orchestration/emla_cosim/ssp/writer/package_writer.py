@@ -1,4 +1,4 @@
-"""Writing of a system of FMUs to an SSP file."""
+"""Writing of a system of FMUs to an SSP file, with its parameter files and mappings."""
 
 import re
 from collections.abc import Collection, Mapping

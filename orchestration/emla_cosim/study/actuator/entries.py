@@ -1,4 +1,4 @@
-"""The entries of an actuator's file, each with its unit and its conventions."""
+"""The entries of an actuator's file, with units and conventions, and data sheets as files."""
 
 import math
 import re

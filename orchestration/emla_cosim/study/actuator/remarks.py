@@ -1,4 +1,4 @@
-"""Warnings on a built-in system before its run: on its actuators, and on overrides."""
+"""Warnings on actuators and overrides before a run, and the extremes of its motion and load."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Joint files as structs of msgspec."""
+"""Joint files as structs of msgspec, with tables of gains and of parameters of blocks."""
 
 import inspect
 import math

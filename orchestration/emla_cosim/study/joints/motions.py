@@ -1,4 +1,4 @@
-"""Start, motion, load and holding brake of a joint, as tables of its file."""
+"""Start, motion, load and holding brake of a joint, and forces along its stroke, as tables."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

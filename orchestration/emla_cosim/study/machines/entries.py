@@ -1,4 +1,4 @@
-"""Numbers and points in machine files: numbers with units, or names of parameters."""
+"""Numbers and points in machine files, and checks that no single entry decides."""
 
 import math
 import re

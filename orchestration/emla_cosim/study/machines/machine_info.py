@@ -1,4 +1,4 @@
-"""Information on a machine: bodies, actuators with their forces, how poses are found, and parameters."""
+"""Information on a machine: bodies, actuators with their forces; the machine of a run."""
 
 import json
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The motion of a machine's actuators."""
+"""The motion of a machine's actuators: its file, and the state of the machine at the start."""
 
 import json
 import math
@@ -23,7 +23,7 @@ from machine_fmu import (
 )
 from machine_fmu.exact import plain
 from machine_fmu.model import MachineModel
-from machine_fmu.spline import DEFAULT_FILE, Spline, TrajectoryError, spline_of, trajectory_parameters
+from machine_fmu.spline import Spline, TrajectoryError, spline_of, trajectory_parameters
 from machine_fmu.spline_window import COEFFICIENTS, DEGREE
 
 from ...base.errors import CommandError, join_names
@@ -32,8 +32,6 @@ from ...base.files import read_text
 from ...base.output_files import OutputFile, has_format
 from ...system.model import System, Value
 from .schema import MotionTable
-
-__all__ = ["DEFAULT_FILE", "read_trajectory"]
 
 WHAT = "the trajectory"
 """Name of a trajectory file in error messages."""

@@ -1,4 +1,4 @@
-"""A machine on axes, with its workspace, the ground, and the path of its tip."""
+"""A machine on axes: its parts as polygons, workspace, ground, and the path of its tip."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING

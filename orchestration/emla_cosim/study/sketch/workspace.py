@@ -1,4 +1,4 @@
-"""The reachable positions of the tip, as areas in a view: the workspace."""
+"""Views of a machine, and the reachable positions of its tip as areas in them."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Draw signals over time in stacked panels: by unit, or several runs overlaid."""
+"""Draw signals over time in stacked panels: by unit, by part of the system, or several runs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

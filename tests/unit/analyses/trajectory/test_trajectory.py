@@ -16,9 +16,8 @@ from emla_cosim.analyses.trajectory.problem import describe_problem, load_proble
 from emla_cosim.analyses.trajectory.report import PICTURES
 from emla_cosim.base.progress import Progress
 from emla_cosim.cli.app import app
-from emla_cosim.study.machines.motion import DEFAULT_FILE
 from emla_cosim.system.model import System
-from machine_fmu.spline import default_spline
+from machine_fmu.spline import DEFAULT_FILE, default_spline
 from tests.support.commands import Emla, sentence, widen_terminal
 from tests.support.manipulator_geometry import HDRM, points
 
