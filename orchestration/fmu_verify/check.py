@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from emla_cosim.base.tolerances import Comparison
-from emla_cosim.fmu.loaded_library import describe_left_exception
+from emla_cosim.fmu.python_exceptions import describe_left_exception
 
 
 class Verdict(StrEnum):

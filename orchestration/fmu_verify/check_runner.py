@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from emla_cosim.fmu.load_diagnosis import explain_python_needs
-from emla_cosim.fmu.loaded_library import REMEDY
+from emla_cosim.fmu.python_exceptions import REMEDY
 
 from .catalogue import RECORDED
 from .check import (

@@ -16,7 +16,7 @@ from emla_cosim.base.channel import POLL_INTERVAL, Channel, GarbledError
 from emla_cosim.base.crash_page import CrashPageFile, read_note
 from emla_cosim.base.errors import find_machine_fault
 from emla_cosim.base.process import Child, ChildEndedError, describe_exit, limit_memory, silence
-from emla_cosim.fmu.loaded_library import REMEDY, find_left_exception
+from emla_cosim.fmu.python_exceptions import REMEDY, find_left_exception
 
 from .check import LEAVES_EXCEPTION, RETURNS, CheckOutcome, blocked, describe_exception, failed, quote
 from .confinement import confine

@@ -123,7 +123,7 @@ class _Commands(click.Group):
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the help, which imports no command."""
-        from .parameters import format_help
+        from .help_text import format_help
 
         entries = (("Commands", name, text) for name, text in COMMANDS.items())
         formatter.write(format_help(self, ctx, entries, ("Start with", ("emla run study",)), formatter.width))

@@ -15,7 +15,8 @@ from ..base.interruption import on_interrupt, raise_interrupt
 from ..base.option import OUTPUT, RUNS, argument, option, options_of, switch
 from ..run.options import list_options
 from ..views.terminal import Verbosity, show_error, show_interrupted, use_verbosity
-from .parameters import format_help, make_parameters, read_values
+from .help_text import format_help
+from .parameters import make_parameters, read_values
 
 
 @dataclass(frozen=True)

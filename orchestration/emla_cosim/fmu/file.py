@@ -1,17 +1,15 @@
-"""FMU files: unpacked once for all instances, their libraries, and those that are tables of data."""
+"""FMU files: opened, checked and unpacked once for all instances in a system, and their libraries."""
 
 import struct
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from stat import S_ISLNK
 from typing import IO
 
 import fmpy
-import numpy as np
 from fmpy.model_description import ModelDescription, ModelVariable
-from numpy.typing import NDArray
 
 from ..base.errors import CommandError
 from ..base.files import hash_file
@@ -264,26 +262,3 @@ def _find_intact_library(path: Path, folder: Path, identifier: str) -> Path:
             f"{format_count(missing, 'byte is', 'bytes are')} missing. Download or build the FMU again."
         )
     return library
-
-
-MODEL = "DataTable"
-"""Model name of tables."""
-
-SPANS = ("begin", "end", "mean")
-"""What an output did in the last step: the line from its begin to its end, and its mean."""
-
-
-def is_table(file: "FmuFile") -> bool:
-    """Return whether an FMU is a table."""
-    return file.description.modelName == MODEL
-
-
-def find_span_references(file: "FmuFile", outputs: Sequence[str]) -> list[NDArray[np.uint32]]:
-    """Return the value references of the local variables with `SPANS` of these outputs, one array for each.
-
-    The list is empty for FMUs that are not tables, and for tables of discrete variables.
-    """
-    names = [[f"step.{span}.{output}" for output in outputs] for span in SPANS]
-    if not is_table(file) or not all(name in file.variables for each in names for name in each):
-        return []
-    return [np.array([file.variables[n].valueReference for n in each], dtype=np.uint32) for each in names]

@@ -2,73 +2,18 @@
 
 import copy
 import ctypes
-import mmap
-import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
 from ..base.errors import CommandError
-from ..base.wording import shorten_line
 from . import version_3
 from .elements import is_version_3
 from .file import FmuFile
 from .instance import FmiInstance, load
 from .interface import CO_SIMULATION, MODEL_EXCHANGE
 from .load_diagnosis import diagnose_library
-
-_LONGEST = 300
-"""Most letters of an exception in a message."""
-
-REMEDY = (
-    "Report it to the exporter of the FMU: a function of an FMU must clear exceptions of Python "
-    "before it returns."
-)
-"""What to do about it, as a message."""
-
-_PENDING = "with an exception set"
-"""What Python says, also within an FMU, if an exception from an earlier call is still set."""
-
-
-def explain_earlier_exception(messages: Iterable[str]) -> str:
-    """Return what to do if an FMU failed because an earlier call left an exception; empty if not.
-
-    Args:
-        messages: What the FMU said.
-    """
-    if not any(_PENDING in message for message in messages):
-        return ""
-    return "An earlier call left an exception of Python; to find it, run with `--isolate`."
-
-
-def find_left_exception(error: BaseException) -> BaseException | None:
-    """Return the exception that an FMU left, if that caused this error."""
-    cause: BaseException | None = error
-    while cause is not None:
-        if isinstance(cause, SystemError) and cause.__cause__ is not None:
-            return cause.__cause__
-        cause = cause.__cause__ or cause.__context__
-    return None
-
-
-def describe_left_exception(error: BaseException) -> str:
-    """Return the exception that an FMU left in one line, such as `ValueError: no such variable`.
-
-    Args:
-        error: What ctypes raised.
-    """
-    exception = find_left_exception(error) or error
-    return shorten_line(traceback.format_exception_only(exception)[-1].rstrip().rstrip("."), _LONGEST)
-
-
-def uses_python(library: Path) -> bool:
-    """Return whether a shared library has names of Python's C functions, as text or as symbols."""
-    try:
-        with library.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            return any(content.find(name) >= 0 for name in (b"PyErr_", b"PyObject_", b"Py_Initialize"))
-    except (OSError, ValueError):  # ValueError: an empty file
-        return False
-
+from .python_exceptions import find_left_exception
 
 _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
 _VALUES = (_POINTER, _POINTER, _SIZE, _POINTER)

@@ -2,7 +2,7 @@
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ from .csv_layout import (
 from .data_tables import DataTable
 from .headers import Header
 from .input import SHIFT_TO_START, Input
+from .schedules import SCHEDULES
 from .table_files import read_frame, read_table
 
 _LATEST_EPOCH = 1e11
@@ -233,13 +234,6 @@ def find_data_end(sources: Sequence[Input], start: float) -> float | None:
     """Return the earliest end in s of inputs that stop the run, which starts at `start`; None without one."""
     ends = [float(LoadedInput.of(s, start).times[-1]) for s in sources if s.end == "stop"]
     return min(ends, default=None)
-
-
-Schedule = Callable[[Mapping[str, float]], Iterable[float]]
-"""Returns the times in s at which a component begins or ends something, from the parameters by full name."""
-
-SCHEDULES: list[Schedule] = []
-"""The registered schedules."""
 
 
 MOST = 100_000

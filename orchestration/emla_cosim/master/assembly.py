@@ -14,9 +14,10 @@ from ..base.files import temporary_folder
 from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.cvode import IntegratorSettings
 from ..fmu.elements import BINARY, is_triggered_input
-from ..fmu.file import FmuFile, is_table, open_fmu
+from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import KINDS, Interface
 from ..fmu.log import FmuLog
+from ..fmu.tables import is_table
 from ..fmu.variables import (
     TypedValue,
     complete_start_values,

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 from ..base.wording import matches_pattern
-from ..inputs.loaded_input import SCHEDULES
+from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, ROLES, TRACKED
 from ..run.registered import FOLLOWERS, SEEDS
 from ..run.scenarios.scenario_file import (

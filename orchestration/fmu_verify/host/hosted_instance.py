@@ -13,8 +13,8 @@ from emla_cosim.base.crash_page import read_note
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.elements import ElementLayout
 from emla_cosim.fmu.instance import DISCARD, ERROR, FINE, OK, PENDING, STATUS, WARNING, FmiInstance, load
-from emla_cosim.fmu.loaded_library import find_left_exception
 from emla_cosim.fmu.log import LogLine
+from emla_cosim.fmu.python_exceptions import find_left_exception
 
 from ..check import LEAVES_EXCEPTION, Clause, NotRunError, describe_exception
 from ..subject import Subject

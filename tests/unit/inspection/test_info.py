@@ -12,7 +12,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.models import MODELS, fmu_path
-from emla_cosim.inspection.info_cell import build_display_rows
+from emla_cosim.inspection.display_rows import build_display_rows
 from tests.support.broken.broken import Broken
 from tests.support.broken.static import STATIC
 from tests.support.paths import FOREIGN_PLANT, ROOT

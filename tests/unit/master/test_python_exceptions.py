@@ -8,7 +8,7 @@ import fmpy
 import pytest
 
 from emla_cosim.base.errors import RunError
-from emla_cosim.fmu.loaded_library import REMEDY
+from emla_cosim.fmu.python_exceptions import REMEDY
 from emla_cosim.run.result import Result
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, System

@@ -16,7 +16,7 @@ from ...base.files import check_output_files, report_write_errors
 from ...base.option import INFO, OTHER_OPTIONS, option
 from ...base.output_files import OutputFile
 from ...inspection.collector import info
-from ...inspection.info_cell import LONGEST, DisplayRow, build_display_rows, format_line, list_fmu_facts
+from ...inspection.display_rows import LONGEST, DisplayRow, build_display_rows, format_line, list_fmu_facts
 from ...inspection.system_info import JSON_FILE, Info, format_start, is_info
 from ...pages.text import shorten_text
 from ...study.loading import load

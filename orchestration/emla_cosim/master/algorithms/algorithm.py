@@ -10,7 +10,7 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import CommandError, join_names
 from ...base.option import STEPPED, option, options_of
-from ...fmu.file import SPANS
+from ...fmu.tables import SPANS
 from ..instances.fmu_instance import FmuInstance
 from ..network import Link, Network
 from .extrapolation import EXTRAPOLATIONS, Exchange

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from ...base.arrays import Vector
 from ...fmu.cvode import IntegratorSettings
 from ...fmu.elements import is_clocked, is_plain
-from ...fmu.file import FmuFile, find_span_references
+from ...fmu.file import FmuFile
 from ...fmu.instance import FINE
 from ...fmu.interface import MODEL_EXCHANGE
+from ...fmu.tables import find_span_references
 from ...fmu.variables import TypedValue
 from .fmu_instance import FmuInstance
 from .typed_values import TypedValues

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...fmu.fmi_3_calls import StepEnd
-from ...fmu.loaded_library import REMEDY
+from ...fmu.python_exceptions import REMEDY
 
 if TYPE_CHECKING:
     from .python_calls import PythonCalls

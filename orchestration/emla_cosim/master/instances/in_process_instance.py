@@ -22,17 +22,14 @@ from ...fmu.file import FmuFile
 from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
 from ...fmu.load_diagnosis import explain_python_needs
-from ...fmu.loaded_library import (
-    BOOLEAN_STATUS,
-    DERIVATIVE,
-    LoadedLibrary,
+from ...fmu.loaded_library import BOOLEAN_STATUS, DERIVATIVE, LoadedLibrary, plain_name
+from ...fmu.log import FmuLog
+from ...fmu.python_exceptions import (
     describe_left_exception,
     explain_earlier_exception,
     find_left_exception,
-    plain_name,
     uses_python,
 )
-from ...fmu.log import FmuLog
 from ...fmu.variables import TypedValue
 from ...fmu.version_3 import rename, short_functions
 from ...stepper.layout import OUT_OF_RANGE

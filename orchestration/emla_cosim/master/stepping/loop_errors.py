@@ -6,7 +6,7 @@ from ...base import crash_page
 from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...fmu.instance import FINE
-from ...fmu.loaded_library import REMEDY, describe_left_exception, uses_python
+from ...fmu.python_exceptions import REMEDY, describe_left_exception, uses_python
 from ..instances.described_instance import DescribedInstance
 from ..instances.fmu_instance import PythonExceptionError
 from ..instances.measured_calls import decode_call

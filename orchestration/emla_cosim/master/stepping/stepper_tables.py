@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base import crash_page
-from ...fmu.file import SPANS
+from ...fmu.tables import SPANS
 from ...stepper.layout import (
     CALL,
     COMBINATION,
