@@ -105,7 +105,7 @@ def hash_models_once() -> None:
         block = recipe.block
         if block.is_restricted or vars(block) or type(block) not in MODELS.values():
             return compute_key(recipe)
-        made_from = type(block), repr(replace(recipe, block=type(block)))
+        made_from = type(block), type(block).__doc__, repr(replace(recipe, block=type(block)))
         if made_from not in keys:
             keys[made_from] = compute_key(recipe)
         return keys[made_from]
