@@ -256,6 +256,7 @@ def _find_intact_library(path: Path, folder: Path, identifier: str) -> Path:
     """Return the FMU's library for this machine; raise CommandError if it is missing or truncated."""
     if (library := find_library(folder, identifier)) is None:
         raise CommandError(f"'{path}' {explain_missing_library(folder, identifier)}.")
+    # mapping a truncated library ends the process with SIGBUS where it is loaded
     if missing := missing_bytes(library):
         raise CommandError(
             f"the library '{library.parent.name}/{library.name}' of the FMU '{path}' is truncated: its last "

@@ -62,6 +62,7 @@ class FmuUnits:
                     self.by_name[name], str(d.name), float(d.factor), float(d.offset)
                 )
                 for d in definition.displayUnits
+                # those with the factor 0 could not be converted back
                 if d.name not in self._inverse and float(d.factor)
             }
             for name, definition in self._definitions.items()
