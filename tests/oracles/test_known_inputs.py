@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import emla_cosim as ec
 import fmublock
-from emla_cosim.fmu import file
+from emla_cosim.fmu import tables
 from fmublock import Block, DiscreteState, Input, Output, State
 from fmublock import table as table_fmus
 from tests.support.faulty_systems import faulty, wired
@@ -220,4 +220,4 @@ def test_table_without_spans_is_a_component_like_others(fmus: Path, tmp_path: Pa
 
 
 def test_tables_are_recognized_as_they_are_built() -> None:
-    assert (table_fmus.MODEL, table_fmus.SPANS) == (file.MODEL, file.SPANS)
+    assert (table_fmus.MODEL, table_fmus.SPANS) == (tables.MODEL, tables.SPANS)
