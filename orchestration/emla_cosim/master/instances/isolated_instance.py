@@ -335,7 +335,7 @@ class IsolatedInstance(DescribedInstance):
     def read_effort(self) -> Effort | None:
         """Return the measured calls in its process; None if the process has ended."""
         try:
-            return self._ask("effort")
+            return self._ask("read_effort")
         except InstanceError:
             return None
 
