@@ -46,7 +46,7 @@ def make_bond_energies(
     algorithm: Algorithm,
     is_halved: bool,
 ) -> "BondEnergies":
-    """Return what sums up the energies of the bonds that a run needs, maybe of none.
+    """Return the recorder of the energies of the bonds that a run needs, maybe of none.
 
     Args:
         requests: The option `bonds`: two signals by the name of a bond; with an empty text, the name or
@@ -103,7 +103,7 @@ class BondEnergies(Recorder):
             is_halved: Whether each step is done in two halves.
 
         Raises:
-            CommandError: A signal does not exist, or no component uses it.
+            CommandError: A signal does not exist, no component uses it, or a connection has the bond's name.
         """
         self.bonds, self._is_halved, self._responses = bonds, is_halved, responses
         self._bonds = {name: _Bond(name, bond, units, connections) for name, bond in bonds.items()}
@@ -129,7 +129,7 @@ class BondEnergies(Recorder):
         with np.errstate(all="ignore"):
             steps = _Steps(self._columns, rows[:-2], rows[1:-1], rows[2:])
             for bond in self._bonds.values():
-                bond.add(steps.halved() if self._is_halved else steps)
+                bond.add(steps.split_into_halves() if self._is_halved else steps)
 
     def figures(self) -> dict[str, dict[str, float]]:
         """Return the energies of all rows so far, by bond."""
@@ -178,7 +178,7 @@ class _Steps:
                 offset[:, i] = progress
         return np.stack((offset, slope - change, -values[:, 2]), axis=1)
 
-    def halved(self) -> "_Steps":
+    def split_into_halves(self) -> "_Steps":
         """Return the halves of all steps, with the sources' own values between."""
         values = self.values(self._columns)
         earlier, half = (np.einsum("a,kai->ki", (1.0, x, x - x**2), values) for x in (-0.5, 0.5))
@@ -189,13 +189,13 @@ class _Steps:
             np.concatenate((half, self._end)),
         )
 
-    def exchanged(self, effort: int, flow: int) -> float:
+    def integrate_absolute_power(self, effort: int, flow: int) -> float:
         """Return the integral of the absolute value of the power; `effort` and `flow` are columns."""
         pair = [self._columns.index(effort), self._columns.index(flow)]
         first, second = (np.abs(rows[:, pair].prod(axis=1)) for rows in (self._start, self._end))
         return float(0.5 * self.lengths @ (first + second))
 
-    def missed(self, connections: Sequence[ContinuousConnection], column: int) -> Vector:
+    def integrate_residuals(self, connections: Sequence[ContinuousConnection], column: int) -> Vector:
         """Return the integral of each residual times the value of a column, (connections,)."""
         residuals, values = self.residuals(connections), self.values([column])[:, :, 0]
         return np.einsum("k,kai,ab,kb->i", self.lengths, residuals, PRODUCTS, values, optimize=True)
@@ -263,13 +263,13 @@ class _Bond:
 
     def add(self, steps: _Steps) -> None:
         """Add the energies of steps."""
-        self._exchanged += steps.exchanged(self._effort, self._flow)
+        self._exchanged += steps.integrate_absolute_power(self._effort, self._flow)
         for users, partner in zip(self._users, (self._flow, self._effort), strict=True):
             if users is not None:
-                users.missed[:] += steps.missed(users.connections, partner)
+                users.missed[:] += steps.integrate_residuals(users.connections, partner)
 
     def figures(self, responses: Mapping[int, Vector]) -> dict[str, float]:
-        """Return the energies so far."""
+        """Return the energies so far, by the names in `FIGURES`."""
         effort, flow = (0.0 if users is None else users.energy(responses) for users in self._users)
         error, exchanged = self._factor * abs(effort - flow), self._factor * self._exchanged
         relative = error / exchanged if exchanged > 0.0 else 0.0 if error == 0.0 else np.nan
@@ -289,7 +289,7 @@ class _Bond:
 
 
 def _find_users(signal: int, partner: int, connections: Sequence[ContinuousConnection]) -> _Users | None:
-    """Return the consumers of a signal on the side of the bond that produces the other signal."""
+    """Return the consumers of a signal on the side that produces the other one; None without any."""
     sides = {x.source for x in connections if x.signal == partner}
     users = [x for x in connections if x.signal == signal and (not sides or x.target in sides)]
     if not users:

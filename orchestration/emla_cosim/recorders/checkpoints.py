@@ -71,6 +71,7 @@ def find_resumable_checkpoint(
 
 
 def _describe_difference(path: Path, key: str, was: Any, value: Any) -> str:
+    """Return the message on an entry of the identity that differs: `was` in the checkpoint, `value` now."""
     if isinstance(was or value, dict):
         was, value = was or {}, value or {}
         names = [n for n in {**was, **value} if was.get(n) != value.get(n)]

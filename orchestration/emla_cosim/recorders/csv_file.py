@@ -49,7 +49,7 @@ class CsvFile(FileTable):
         if state is not None and "bytes" not in state:  # the earlier table has another format
             state = None
         length, line = (int(state["bytes"]), str(state["line"])) if state is not None else (0, "")
-        continued = state is not None and _can_continue(self.path, self._head, length, line.encode())
+        continued = state is not None and _can_continue(self.path, self._header, length, line.encode())
         if continued:
             self._stream = self.path.open("r+b", buffering=0)
             self._stream.truncate(length)
@@ -59,20 +59,20 @@ class CsvFile(FileTable):
             self.path.unlink(missing_ok=True)
             self._stream = self.path.open("xb", buffering=0)  # "x": a file that appears now stays
             self._length, self._line = 0, ""
-            self._write_lines(self._head)
+            self._write_lines(self._header)
 
     @property
-    def _head(self) -> bytes:
+    def _header(self) -> bytes:
         return polars.DataFrame(schema=dict.fromkeys(self.names, polars.Float64)).write_csv().encode()
 
     @property
-    def _texts(self) -> dict[str, type[polars.DataType]]:
+    def _text_types(self) -> dict[str, type[polars.DataType]]:
         return {n: polars.String for n, signal_type in self.types.items() if signal_type.is_text}
 
     def is_ours(self, path: Path) -> bool:
         """Return whether a file has the columns that this run writes."""
         with path.open("rb") as stream:
-            return stream.read(len(self._head)) == self._head
+            return stream.read(len(self._header)) == self._header
 
     def end(self) -> None:
         """Append the last row if it was not due, and close the file.
@@ -83,7 +83,7 @@ class CsvFile(FileTable):
         try:
             super().end()
         finally:
-            in_place = self._in_place()
+            in_place = self._is_in_place()
             self._stream.close()
         if not in_place:
             raise OSError(0, "it was removed or replaced while the run wrote to it")
@@ -111,12 +111,12 @@ class CsvFile(FileTable):
         with self.path.open("rb") as stream:
             _read_header(stream)
             while lines := stream.readlines(_BLOCK):
-                schema = dict.fromkeys(self.names, polars.Float64) | self._texts
+                schema = dict.fromkeys(self.names, polars.Float64) | self._text_types
                 yield frame_rows(polars.read_csv(b"".join(lines), has_header=False, schema=schema))
 
     def append(self, rows: Vector) -> None:
         """Store rows, those with texts at once: texts are in this process only. Raises OSError."""
-        if self._texts:
+        if self._text_types:
             self.store(rows)
         else:
             super().append(rows)
@@ -144,7 +144,7 @@ class CsvFile(FileTable):
         """Return columns by name, without those that the file does not have; see `Table.read`."""
         self.drain()
         columns = {name: f"column_{i}" for i, name in enumerate(self.names)}
-        types = dict.fromkeys(self.names, polars.Float64) | self._texts
+        types = dict.fromkeys(self.names, polars.Float64) | self._text_types
         with self.path.open("rb") as stream:
             lines = _read_header(stream).count(b"\n")  # polars keeps doubled quotes in names
         table = polars.scan_csv(
@@ -158,7 +158,8 @@ class CsvFile(FileTable):
         frame = table.collect()
         return {n: frame[columns[n]].to_numpy() for n in names if n in columns}
 
-    def _in_place(self) -> bool:
+    def _is_in_place(self) -> bool:
+        """Return whether the open file is still the one at the path."""
         try:
             return os.path.samestat(os.fstat(self._stream.fileno()), self.path.stat())
         except OSError:

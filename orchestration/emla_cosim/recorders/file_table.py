@@ -72,16 +72,16 @@ class FileTable(Table):
         """Return whether a run wrote this file. Called after `begin` of this class; may raise OSError."""
 
     def append(self, rows: Vector) -> None:
-        """Store rows in another thread. Raises OSError, also for earlier rows."""
+        """Keep a copy of rows until another thread stores them. Raises the error of an earlier batch."""
         self._raise_failure()
         self._waiting.append(rows.copy())
         self._waiting_count += len(rows)
         is_full = self._waiting_count * len(self.names) >= _MOST_VALUES
         if is_full:  # a disk that is slower than the steps must not fill the memory
-            self._join()
+            self._wait_for_thread()
         waited_s = time.monotonic() - self._started_at
         if is_full or self._waiting_count >= self.batch_rows or waited_s >= self.batch_seconds:
-            self._start()
+            self._store_in_thread()
 
     @property
     def schema(self) -> dict[str, type[polars.DataType]]:
@@ -123,10 +123,10 @@ class FileTable(Table):
         """Store all rows but those among the last `most` that were received. Raises OSError."""
         while self._waiting_count or self._is_busy():
             if 2 * (self._row_count - self._stored) > most:
-                self._start()
+                self._store_in_thread()
             if self._row_count - self._stored <= most:
                 return
-            self._join()
+            self._wait_for_thread()
             self._raise_failure()
 
     def end(self) -> None:
@@ -141,13 +141,13 @@ class FileTable(Table):
 
     def drain(self) -> None:
         """Wait until all rows are stored. Raises OSError if some cannot be stored."""
-        self._join()
-        self._start()
-        self._join()
+        self._wait_for_thread()
+        self._store_in_thread()
+        self._wait_for_thread()
         self._raise_failure()
 
-    def _start(self) -> None:
-        """Store all rows that wait in another thread, unless it still stores others."""
+    def _store_in_thread(self) -> None:
+        """Let another thread store all waiting rows, unless it still stores others."""
         if self._is_busy() or not self._waiting_count:
             return
         rows, self._waiting, self._waiting_count = self._waiting, [], 0
@@ -161,7 +161,7 @@ class FileTable(Table):
             self._thread = thread
 
     def _store(self, blocks: list[Vector], row_count: int) -> None:
-        """Store rows, and keep an error for the thread of the run. After an error nothing is stored."""
+        """Store rows, and keep the error if that fails. After an error nothing is stored any more."""
         try:
             if self._failure is None:
                 self.store(np.concatenate(blocks))
@@ -172,7 +172,7 @@ class FileTable(Table):
     def _is_busy(self) -> bool:
         return self._thread is not None and self._thread.is_alive()
 
-    def _join(self) -> None:
+    def _wait_for_thread(self) -> None:
         if self._thread is not None:
             self._thread.join()
             self._thread = None

@@ -46,7 +46,7 @@ class SignalFigures:
             return
         selected = np.ascontiguousarray(rows if self._columns is None else rows[:, self._columns])
         with np.errstate(all="ignore"):
-            block = np.stack((*_reduce_rows(selected), selected[-1]))
+            block = np.stack((*_compute_figures(selected), selected[-1]))
             if self._columns is None:
                 block = block[:, 1:]
             self._values = _merge_figures(self._values, self._rows, block, len(rows)) if self._rows else block
@@ -66,7 +66,7 @@ class SignalFigures:
         }
 
 
-def _reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
+def _compute_figures(rows: Vector) -> tuple[Vector, Vector, Vector]:
     """Return minimum, maximum and root mean square of every column."""
     low, high, squares = reduce_rows(rows)
     rms = np.sqrt(squares / len(rows))
@@ -78,15 +78,15 @@ def _reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
     return low, high, rms
 
 
-def _merge_figures(before: Vector, rows: int, after: Vector, more: int) -> Vector:
-    """Return the figures of `rows` rows and `more` later ones together, in the order of `NAMES`."""
-    total_rows = rows + more
+def _merge_figures(before: Vector, count: int, after: Vector, added_count: int) -> Vector:
+    """Return the figures of `count` rows and `added_count` later ones together, in the order of `NAMES`."""
+    total = count + added_count
     return np.stack(
         (
             np.minimum(before[0], after[0]),
             np.maximum(before[1], after[1]),
             # hypot: the squares themselves could overflow
-            np.hypot(before[2] * np.sqrt(rows / total_rows), after[2] * np.sqrt(more / total_rows)),
+            np.hypot(before[2] * np.sqrt(count / total), after[2] * np.sqrt(added_count / total)),
             after[3],
         )
     )

@@ -19,7 +19,7 @@ from .recorder import RunLayout
 _BLOCK = 2**20
 """Number of values in a block that is read."""
 
-_OURS = re.compile(r"\d{6,}\.parquet|\.unfinished-[\w-]+")
+_PART_NAMES = re.compile(r"\d{6,}\.parquet|\.unfinished-[\w-]+")
 """Names of files that a run leaves in the folder of parts."""
 
 
@@ -67,6 +67,7 @@ class ParquetFile(FileTable):
             self.path.unlink(missing_ok=True)  # only a finished run has the file
 
     def _begin_columns(self, layout: RunLayout, state: Any = None) -> None:
+        """Begin the columns, and the metadata with their units and types."""
         super().begin(layout, state)
         units = {n: str(layout.units[i]) for n, i in zip(self.names[1:], layout.recorded, strict=True)}
         self._metadata = {
@@ -155,7 +156,7 @@ class ParquetFile(FileTable):
 
     def _remove_parts(self) -> None:
         """Remove the folder of parts if it exists; OSError if it has files that no run wrote."""
-        if (problem := strange_parts(self.path)) is not None:
+        if (problem := explain_foreign_parts(self.path)) is not None:
             raise OSError(problem)
         if not self._parts.is_dir():
             return
@@ -180,7 +181,7 @@ def parts_of(path: Path) -> Path:
     return path.with_name(f"{path.name}.parts")
 
 
-def strange_parts(path: Path) -> str | None:
+def explain_foreign_parts(path: Path) -> str | None:
     """Return why a table's folder of parts is not one of a run; None if it is, or does not exist.
 
     Raises:
@@ -191,7 +192,7 @@ def strange_parts(path: Path) -> str | None:
         return f"'{parts}' is not a folder of a run; move it away"
     entries = list(parts.iterdir()) if parts.is_dir() else []
     unexpected = sorted(
-        p.name for p in entries if not (_OURS.fullmatch(p.name) and p.is_file() and not p.is_symlink())
+        p.name for p in entries if not (_PART_NAMES.fullmatch(p.name) and p.is_file() and not p.is_symlink())
     )
     return f"no run wrote '{unexpected[0]}' in the folder '{parts}'; move it away" if unexpected else None
 

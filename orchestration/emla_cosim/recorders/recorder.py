@@ -158,7 +158,7 @@ class ProgressRecorder(Recorder):
         self._progress = progress
 
     def begin(self, layout: RunLayout, state: Any = None) -> None:
-        """Report the begin of the simulation."""
+        """Report the notes, and that the simulation starts."""
         for note in layout.notes:
             self._progress.note(f"Note: {note}.")
         self._reported = 0

@@ -85,7 +85,7 @@ class RowBuffer:
         if not count:
             return
         first, self._passed = self._passed % len(self._ring), self._filled
-        rows = show_rows(self._ring[first : first + count], self._transformations).view()
+        rows = convert_rows(self._ring[first : first + count], self._transformations).view()
         rows.flags.writeable = False  # all recorders get the same array
         self._call_each(lambda recorder: recorder.write(rows))
 
@@ -97,7 +97,7 @@ class RowBuffer:
             self._call_each(lambda recorder: recorder.end())
 
     def _call_each(self, call: Callable[[Recorder], None]) -> None:
-        """Call every recorder, also after a failure, then raise the first failure."""
+        """Do a call with every recorder, also after a failure, then raise the first failure."""
         failure: BaseException | None = None
         for recorder in self._recorders:
             try:
@@ -109,8 +109,8 @@ class RowBuffer:
             raise failure
 
 
-def show_rows(rows: Vector, transformations: Mapping[int, LinearTransformation]) -> Vector:
-    """Return rows with signals in the units of results, in new memory if there are any; see `RowBuffer`."""
+def convert_rows(rows: Vector, transformations: Mapping[int, LinearTransformation]) -> Vector:
+    """Return rows with these signals in the units of results, in new memory if there are such signals."""
     if transformations:
         rows = rows.copy()
     for signal, transformation in transformations.items():
@@ -165,7 +165,9 @@ def _allocate(descriptor: int, size: int) -> None:
 
 
 def read_rows(path: Path, width: int, count: int) -> tuple[int, Vector]:
-    """Return the last rows of a run that an ended process left. The first may be incomplete if it is stored.
+    """Return the last rows of a run that an ended process left.
+
+    The first one may be overwritten in part; the recorders have stored it then.
 
     Args:
         path: The file.

@@ -56,62 +56,64 @@ SIGNALS, PREVIOUS, FIRST_STORE = 0, 1, 2
 """Positions of the vectors that operations read and combine."""
 
 
-def of_kind(kind: Any, names: str) -> list[tuple[str, Any]]:
-    """Return successive fields of one type, from their names with blanks between."""
+def list_fields(kind: Any, names: str) -> list[tuple[str, Any]]:
+    """Return fields of one type; `names` are separated by blanks."""
     return [(name, kind) for name in names.split()]
 
 
-def _record(*fields: tuple[str, str]) -> np.dtype:
+def _make_record_type(*fields: tuple[str, str]) -> np.dtype:
     # aligned as a C compiler aligns a struct, so that the tables need no packing
     return np.dtype(list(fields), align=True)
 
 
-CALL = _record(
-    *of_kind(_ADDRESS, "function component references values"),
+CALL = _make_record_type(
+    *list_fields(_ADDRESS, "function component references values"),
     ("code", _CODE),
-    *of_kind(_INT32, "reference_count value_count is_version_3 item_count"),
-    *of_kind(_ADDRESS, "items places"),
-    *of_kind(_INT32, "type instance"),
+    *list_fields(_INT32, "reference_count value_count is_version_3 item_count"),
+    *list_fields(_ADDRESS, "items places"),
+    *list_fields(_INT32, "type instance"),
 )
 
-INSTANCE = _record(
-    *of_kind(_ADDRESS, "component do_step setters getters"),
+INSTANCE = _make_record_type(
+    *list_fields(_ADDRESS, "component do_step setters getters"),
     ("code", _CODE),
-    *of_kind(_INT32, "code_step setter_count getter_count first_input input_count first_output"),
-    *of_kind(_INT32, "output_count mode is_version_3 has_no_way_back is_rare is_held has_slopes"),
-    *of_kind(_INT32, "code_derivatives code_save code_restore code_status"),
-    *of_kind(_ADDRESS, "set_derivatives get_state set_state get_status end_step references orders end"),
-    *of_kind(_ADDRESS, "state events effort"),
+    *list_fields(_INT32, "code_step setter_count getter_count first_input input_count first_output"),
+    *list_fields(_INT32, "output_count mode is_version_3 has_no_way_back is_rare is_held has_slopes"),
+    *list_fields(_INT32, "code_derivatives code_save code_restore code_status"),
+    *list_fields(_ADDRESS, "set_derivatives get_state set_state get_status end_step references orders end"),
+    *list_fields(_ADDRESS, "state events effort"),
 )
 
-SAVED_STATE = _record(*of_kind(_ADDRESS, "state events"))
+SAVED_STATE = _make_record_type(*list_fields(_ADDRESS, "state events"))
 
-INPUT = _record(*of_kind(_REAL, "factor offset"), *of_kind(_INT32, "signal moves known unused"))
+INPUT = _make_record_type(
+    *list_fields(_REAL, "factor offset"), *list_fields(_INT32, "signal moves known unused")
+)
 
-SIGNAL = _record(("floor", _REAL), *of_kind(_INT32, "instance is_smooth"))
+SIGNAL = _make_record_type(("floor", _REAL), *list_fields(_INT32, "instance is_smooth"))
 
-OPERATION = _record(("every", _CODE), *of_kind(_INT32, "call target store unused"))
+OPERATION = _make_record_type(("every", _CODE), *list_fields(_INT32, "call target store unused"))
 
-COMBINATION = _record(*of_kind(_INT32, "instance into first_term term_count"))
+COMBINATION = _make_record_type(*list_fields(_INT32, "instance into first_term term_count"))
 
-TERM = _record(("factor", _REAL), *of_kind(_INT32, "store unused"))
+TERM = _make_record_type(("factor", _REAL), *list_fields(_INT32, "store unused"))
 
-GROUP = _record(
-    *of_kind(_ADDRESS, "members coupling operations jacobian guess sizes direction earlier basis"),
-    *of_kind(_ADDRESS, "residuals answers kept"),
-    *of_kind(_INT32, "member_count coupling_count operation_count is_saved is_halved"),
+GROUP = _make_record_type(
+    *list_fields(_ADDRESS, "members coupling operations jacobian guess sizes direction earlier basis"),
+    *list_fields(_ADDRESS, "residuals answers kept"),
+    *list_fields(_INT32, "member_count coupling_count operation_count is_saved is_halved"),
 )
 
 # `unused` keeps the counters of two threads apart in their caches
 EFFORT = np.dtype([("now", _ADDRESS), *((n, _CODE, 5) for n in ("counts", "nanoseconds", "unused"))])
 
-DIVISION = _record(("steps", _CODE), ("shortest", _REAL))
+DIVISION = _make_record_type(("steps", _CODE), ("shortest", _REAL))
 
-WAIT = _record(*of_kind(_INT32, "lane tasks"))
+WAIT = _make_record_type(*list_fields(_INT32, "lane tasks"))
 
-TASK = _record(("waits", _ADDRESS), *of_kind(_INT32, "wait_count operation"))
+TASK = _make_record_type(("waits", _ADDRESS), *list_fields(_INT32, "wait_count operation"))
 
-LANE = _record(*of_kind(_ADDRESS, "tasks activity"), ("task_count", _CODE))
+LANE = _make_record_type(*list_fields(_ADDRESS, "tasks activity"), ("task_count", _CODE))
 
 _POINTER, _INT, _LONG, _DOUBLE = ctypes.c_void_p, ctypes.c_int32, ctypes.c_int64, ctypes.c_double
 
@@ -120,22 +122,22 @@ class Stepper(ctypes.Structure):
     """The tables of a system, its memory, and what ended its last run."""
 
     _fields_ = (
-        *of_kind(_POINTER, "instances inputs signals operations combinations terms groups read follows"),
-        *of_kind(_POINTER, "observers"),
+        *list_fields(_POINTER, "instances inputs signals operations combinations terms groups read follows"),
+        *list_fields(_POINTER, "observers"),
         ("coupling_tolerance", _DOUBLE),
-        *of_kind(_INT, "signal_count operation_count group_count read_count observer_count"),
-        *of_kind(_INT, "observed_count sweep_limit halving_limit first_span"),
-        *of_kind(_POINTER, "stores at before input_values derivatives taken taken_at largest observed"),
-        *of_kind(_POINTER, "divisions activity stop"),
+        *list_fields(_INT, "signal_count operation_count group_count read_count observer_count"),
+        *list_fields(_INT, "observed_count sweep_limit halving_limit first_span"),
+        *list_fields(_POINTER, "stores at before input_values derivatives taken taken_at largest observed"),
+        *list_fields(_POINTER, "divisions activity stop"),
         ("clock", 3 * _DOUBLE),
         ("last_point", _DOUBLE),
-        *of_kind(_LONG, "reached recorded sweeps"),
-        *of_kind(_DOUBLE, "time length"),
-        *of_kind(_INT, "failure instance status group group_sweeps"),
+        *list_fields(_LONG, "reached recorded sweeps"),
+        *list_fields(_DOUBLE, "time length"),
+        *list_fields(_INT, "failure instance status group group_sweeps"),
     )
 
 
-CONTROLLED = _record(*of_kind(_INT32, "signal is_unread is_instant"))
+CONTROLLED = _make_record_type(*list_fields(_INT32, "signal is_unread is_instant"))
 
 
 class Control(ctypes.Structure):
@@ -143,18 +145,18 @@ class Control(ctypes.Structure):
 
     _fields_ = (
         ("controlled", _POINTER),
-        *of_kind(_DOUBLE, "tolerance divisor start leap_limit short_limit shortest longest"),
-        *of_kind(_INT, "controlled_count instance_count"),
-        *of_kind(_POINTER, "states memory copy coarse next_coarse"),
+        *list_fields(_DOUBLE, "tolerance divisor start leap_limit short_limit shortest longest"),
+        *list_fields(_INT, "controlled_count instance_count"),
+        *list_fields(_POINTER, "states memory copy coarse next_coarse"),
         ("memory_count", _LONG),
-        *of_kind(_POINTER, "whole errors judged total first_errors jumps jumped"),
-        *of_kind(_DOUBLE, "time step last_error exponent first_rejected coarse_time"),
-        *of_kind(_LONG, "accepted rejected"),
-        *of_kind(_INT, "is_per_unit is_event"),
-        *of_kind(_DOUBLE, "point enough"),
+        *list_fields(_POINTER, "whole errors judged total first_errors jumps jumped"),
+        *list_fields(_DOUBLE, "time step last_error exponent first_rejected coarse_time"),
+        *list_fields(_LONG, "accepted rejected"),
+        *list_fields(_INT, "is_per_unit is_event"),
+        *list_fields(_DOUBLE, "point enough"),
         ("tried", _LONG),
         ("end", _DOUBLE),
-        *of_kind(_INT, "is_met worst"),
+        *list_fields(_INT, "is_met worst"),
     )
 
 
@@ -162,8 +164,8 @@ class Halves(ctypes.Structure):
     """How steps are done in halves: see halves.c."""
 
     _fields_ = (
-        *of_kind(_POINTER, "parts continuous states kept"),
-        *of_kind(_INT, "continuous_count instance_count"),
+        *list_fields(_POINTER, "parts continuous states kept"),
+        *list_fields(_INT, "continuous_count instance_count"),
     )
 
 
@@ -258,14 +260,14 @@ class Events(ctypes.Structure):
         ("component", _POINTER),
         ("functions", len(FUNCTIONS) * _POINTER),
         ("codes", len(FUNCTIONS) * ctypes.c_int64),
-        *of_kind(_POINTER, "clocks inputs discrete discrete_setters setters hand_setters getters needed"),
-        *of_kind(_POINTER, "timed triggered listed"),
-        *of_kind(_INT, "clock_count output_clock_count discrete_count discrete_setter_count"),
-        *of_kind(_INT, "setter_count hand_setter_count getter_count timed_count triggered_count"),
-        *of_kind(_INT, "memory_size has_event_mode may_return_early varies_step"),
-        *of_kind(_POINTER, "memory passed schedule values counts marks active references"),
-        *of_kind(_DOUBLE, "time first_return value"),
-        *of_kind(_INT, "problem call status clock count unused"),
+        *list_fields(_POINTER, "clocks inputs discrete discrete_setters setters hand_setters getters needed"),
+        *list_fields(_POINTER, "timed triggered listed"),
+        *list_fields(_INT, "clock_count output_clock_count discrete_count discrete_setter_count"),
+        *list_fields(_INT, "setter_count hand_setter_count getter_count timed_count triggered_count"),
+        *list_fields(_INT, "memory_size has_event_mode may_return_early varies_step"),
+        *list_fields(_POINTER, "memory passed schedule values counts marks active references"),
+        *list_fields(_DOUBLE, "time first_return value"),
+        *list_fields(_INT, "problem call status clock count unused"),
     )
     time: float
     first_return: float

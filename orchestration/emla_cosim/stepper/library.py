@@ -159,6 +159,7 @@ def prebuild_stepper(platform: str) -> Path:
 
 
 def _write_library(path: Path, library: bytes) -> None:
+    """Write the library to a file, and create its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with write_atomically(path) as stream:
         stream.write(library)
@@ -179,18 +180,21 @@ def _build_elsewhere(name: str, sources: dict[str, bytes], platform: str) -> Ste
         path = _temporary.enter_context(temporary_folder("stepper")) / name
         path.write_bytes(_build(sources, platform))
     except (OSError, RunError) as error:
-        raise StepperBuildError(f"it cannot be written: {error}") from error
+        raise StepperBuildError(
+            f"neither the cache nor a temporary folder can be written: {error}"
+        ) from error
     return _bind(path)
 
 
 def _name_library(sources: dict[str, bytes], platform: str) -> str:
-    """Return a file name that distinguishes builds: with a hash of the sources, and of what compiles them."""
+    """Return the file name of a build, which has a hash of the sources and of what compiles them."""
     compiler = files("fmublock").joinpath("compiling.py").read_bytes()
     content = repr((sorted(sources.items()), compiler, zig_target(platform))).encode()
     return f"stepper-{hashlib.sha256(content).hexdigest()[:32]}{TARGETS[platform][1]}"
 
 
 def _build(sources: dict[str, bytes], platform: str) -> bytes:
+    """Return the content of the library; StepperBuildError or CommandError if it cannot be compiled."""
     from fmublock.compiling import compile_libraries  # slow to import, and rarely needed
     from fmublock.errors import BuildError
 
@@ -205,6 +209,7 @@ def _build(sources: dict[str, bytes], platform: str) -> bytes:
 
 
 def _bind(path: Path) -> StepperLibrary:
+    """Load a library; StepperBuildError if that fails, or if its records have other sizes."""
     try:
         library = ctypes.CDLL(str(path))  # which releases the interpreter's lock during calls
         expected = {"stepper_sizes": SIZES, "lanes_sizes": LANES_SIZES, "events_sizes": EVENT_SIZES}

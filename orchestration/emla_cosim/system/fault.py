@@ -28,7 +28,8 @@ class Fault:
 
     Args:
         signal: full name of the signal.
-        kind: `freeze` keeps the last value, `offset` adds `value`, `gain` multiplies by it, `constant` is it.
+        kind: `freeze` keeps the last value, `offset` adds `value`, `gain` multiplies by it, `constant` sends
+            it instead.
         start: start of the fault, in s.
         duration: duration in s. Default: to the end of the run.
         value: offset, gain or constant, in the unit of the signal, or a text with a unit such as "2 mm".
@@ -61,7 +62,9 @@ class Fault:
         if not math.isfinite(self.start):
             raise CommandError(f"{subject} begins at {self.start:g} s; that must be a finite number.")
         if self.duration is not None and not 0.0 < self.duration < math.inf:
-            raise CommandError(f"{subject} lasts {self.duration:g} s; that must be a positive number.")
+            raise CommandError(
+                f"{subject} lasts {self.duration:g} s; that must be a positive, finite number."
+            )
         if number is not None and not math.isfinite(number):
             raise CommandError(f"{subject} has the value {number:g}; that must be a finite number.")
         if (self.value is None) != (self.kind == "freeze"):

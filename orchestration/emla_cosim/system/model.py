@@ -69,7 +69,7 @@ class Component:
         return self.name.partition(".")[0]
 
     def alias(self, name: str) -> Alias:
-        """Return name and unit of a variable in the FMU."""
+        """Return the alias of a variable; one without conversion if it has the same name in the FMU."""
         return self.aliases.get(name) or Alias(name)
 
     @property
@@ -202,7 +202,7 @@ class System:
     def component(self, name: str) -> Component:
         """Return the component of this name; raise CommandError if it does not exist."""
         if name not in self._by_name:
-            raise self._make_unknown_error(name)
+            raise self._make_unknown_component_error(name)
         return self._by_name[name]
 
     def into(self, name: str) -> Sequence[Connection]:
@@ -219,7 +219,7 @@ class System:
         For the main component, or the only one, the name of the variable is enough.
 
         Raises:
-            CommandError: the component does not exist.
+            CommandError: the component does not exist, or the text has no variable (`ShortNameError`).
         """
         path = str(path)
         dots = (i for i in reversed(range(len(path) - 1)) if path[i] == ".")
@@ -232,7 +232,7 @@ class System:
             if len(names) <= longest or not names[-1]:
                 example = f"{self.components[0].name}.VARIABLE" if self.components else "COMPONENT.VARIABLE"
                 raise ShortNameError(f"'{path}' is not a variable; write it as {example}.", name=path)
-            raise self._make_unknown_error(".".join(names[:longest]))
+            raise self._make_unknown_component_error(".".join(names[:longest]))
         return self._by_name[path[:dot]], path[dot + 1 :]
 
     def find_main(self) -> Component | None:
@@ -306,7 +306,9 @@ class System:
         missing = freed - {x.ends[1] for x in self.connections}
         if missing:
             input_names = join_names(sorted(".".join(end) for end in missing))
-            raise CommandError(f"nothing drives {input_names}.", names=sorted(missing))
+            raise CommandError(
+                f"nothing drives {input_names}, so no connection can be removed.", names=sorted(missing)
+            )
         return replace(self, connections=tuple(x for x in self.connections if x.ends[1] not in freed))
 
     @cached_property
@@ -324,13 +326,14 @@ class System:
         return by_source, by_target
 
     def _read_connection(self, text: str) -> Connection:
+        """Return the connection that a text describes; CommandError if a component does not exist."""
         source, arrow, target = (part.strip() for part in str(text).partition("->"))
         if not (source and arrow and target):
             raise CommandError(f"'{text}' is not a connection; write a.output -> b.input.", name=text)
         (source, output), (target, input_) = self.split(source), self.split(target)
         return Connection(source.name, output, target.name, input_, from_text=True)
 
-    def _make_unknown_error(self, name: str) -> CommandError:
+    def _make_unknown_component_error(self, name: str) -> CommandError:
         branch = name.partition(".")[0]
         siblings = [c.name for c in self.components if c.branch == branch]
         existing = siblings or [c.name for c in self.components] or ["none"]

@@ -180,7 +180,7 @@ class Names:
         return explain_fixed(variable.interface, variable.fmu_name)
 
     def is_free(self, variable: NamedVariable) -> bool:
-        """Return whether patterns set a variable: it accepts a start value, and is not a size."""
+        """Return whether patterns include a variable: it accepts a start value, and is not structural."""
         return not variable.is_structural and self.explain_fixed(variable) is None
 
     def resolve(
@@ -209,7 +209,7 @@ class Names:
         if matching or (has_wildcard(text) and not is_name):
             free = [v for v in matching if self.is_free(v) and is_suitable(v)]
             if not free:
-                raise self._explain_no_match(text, matching)
+                raise self._make_no_match_error(text, matching)
             return free
         variable = self.find(text)
         if (reason := self.explain_fixed(variable)) is not None:
@@ -264,7 +264,7 @@ class Names:
             for name in _map_variables(c, self.interfaces[c.name])
         }
 
-    def _explain_no_match(self, pattern: str, matching: list[NamedVariable]) -> CommandError:
+    def _make_no_match_error(self, pattern: str, matching: list[NamedVariable]) -> CommandError:
         reasons = {v.full_name: reason for v in matching if (reason := self.explain_fixed(v)) is not None}
         if reasons:
             hidden_count = len(reasons) - _MAX_LISTED

@@ -46,13 +46,14 @@ def resolve_system(system: System, interfaces: Mapping[str, Interface]) -> Syste
     for component in components:
         refuse_driven(component, system)
     connections = (
-        replace(x, transformation=_check_and_transform(x, system, interfaces)) for x in system.connections
+        replace(x, transformation=_find_checked_transformation(x, system, interfaces))
+        for x in system.connections
     )
     return replace(system, components=components, connections=tuple(connections))
 
 
 def refuse_driven(component: Component, system: System) -> None:
-    """Check that no start value is set for a connected input of a component.
+    """Raise CommandError if a start value is set for a connected input of a component.
 
     Raises:
         CommandError: If there is one.
@@ -74,7 +75,7 @@ def convert_to_fmu_terms(component: Component) -> Component:
     return replace(component, parameters=values, aliases={})
 
 
-def _check_and_transform(
+def _find_checked_transformation(
     connection: Connection, system: System, interfaces: Mapping[str, Interface]
 ) -> LinearTransformation:
     """Return the transformation of a connection after checking types and causalities."""
@@ -98,23 +99,28 @@ def _check_and_transform(
     _check_mime_types(connection, interfaces)
     transformation = find_transformation(connection, interfaces)
     if transformation != IDENTITY and target.kind != "Real":
-        raise CommandError(f"the connection {connection} transforms values of the type {target.kind}.")
+        raise CommandError(
+            f"the connection {connection} transforms values of the type {target.kind}, and only "
+            "those of a Real can be transformed."
+        )
     _check_quantities(connection, transformation, interfaces)
     if not (math.isfinite(transformation.factor) and math.isfinite(transformation.offset)):
-        raise CommandError(f"the connection {connection} has the transformation {transformation}.")
+        raise CommandError(
+            f"the connection {connection} has the transformation {transformation}, which is not finite."
+        )
     return transformation
 
 
 def _check_mime_types(connection: Connection, interfaces: Mapping[str, Interface]) -> None:
     """Raise CommandError if the Binary ends of a connection have different `mimeType`s, unless lenient."""
     output, input_ = (interfaces[component].variables[name] for component, name in connection.ends)
-    meanings = [v.mime_type for v in (output, input_) if isinstance(v, ElementVariable)]
-    if len(set(meanings)) > 1:
+    mime_types = [v.mime_type for v in (output, input_) if isinstance(v, ElementVariable)]
+    if len(set(mime_types)) > 1:
         accept_if_lenient(
             str(connection),
-            f"the mimeType of the output is {meanings[0]}, that of the input {meanings[1]}",
-            f"the connection {connection} joins Binary variables with the mimeType {meanings[0]} and "
-            f"{meanings[1]}, which must be the same",
+            f"the mimeType of the output is {mime_types[0]}, that of the input {mime_types[1]}",
+            f"the connection {connection} joins Binary variables with the mimeType {mime_types[0]} and "
+            f"{mime_types[1]}, which must be the same",
         )
 
 

@@ -39,7 +39,7 @@ def add_fault_components(system: System, faults: Sequence[Fault]) -> tuple[Syste
         name = find_free_name(first, used_names)
         used_names.add(name)
         by_name[name] = fault
-    components = (Component(name, MODEL, _list_start_values(fault)) for name, fault in by_name.items())
+    components = (Component(name, MODEL, _list_fault_start_values(fault)) for name, fault in by_name.items())
     return replace(system, components=(*system.components, *components)), by_name
 
 
@@ -64,7 +64,7 @@ def wire_faults(system: System, faults: FaultComponents, interfaces: Mapping[str
                 # 5 degC more are 5 K
                 unit = replace(unit, is_difference=True)
             value = read_quantity(fault.value, f"the value of the fault of {signal.full_name}", unit)
-            values = _list_start_values(replace(fault, value=value))
+            values = _list_fault_start_values(replace(fault, value=value))
             system = system.with_component(replace(system.component(name), parameters=values))
     outputs = [name for name, signal in signals.items() if signal.variable.causality == "output"]
     for name in reversed(outputs):  # each is connected directly to the output
@@ -83,7 +83,8 @@ def wire_faults(system: System, faults: FaultComponents, interfaces: Mapping[str
     return system
 
 
-def _list_start_values(fault: Fault) -> dict[str, Value]:
+def _list_fault_start_values(fault: Fault) -> dict[str, Value]:
+    """Return the start values of a fault's component; only its start time while its value is a text."""
     values: dict[str, Value] = {"start": fault.start}
     if isinstance(fault.value, str):
         return values  # `wire_faults` sets them, once the unit of the signal is known
@@ -116,7 +117,7 @@ def _find_signal(names: Names, fault: Fault) -> NamedVariable:
 def _insert_fault(
     system: System, added: Connection, interfaces: Mapping[str, Interface], **ends: str
 ) -> System:
-    """Insert a fault, which has the other `ends`, into the connections of an output or an input.
+    """Insert a fault into the connections of a signal: `ends` replace theirs, and `added` joins both.
 
     At an output it is before the conversion of units, at an input behind it.
     """

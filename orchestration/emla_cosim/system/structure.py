@@ -104,11 +104,13 @@ def connect_elements(system: System, names: Mapping[str, Collection[str]]) -> Sy
     """
     if not any(x.from_text for x in system.connections):
         return system
-    connections = [y for x in system.connections for y in (_expand(x, names) if x.from_text else [x])]
+    connections = [
+        y for x in system.connections for y in (_expand_connection(x, names) if x.from_text else [x])
+    ]
     return replace(system, connections=tuple(connections))
 
 
-def _expand(connection: Connection, names: Mapping[str, Collection[str]]) -> Iterator[Connection]:
+def _expand_connection(connection: Connection, names: Mapping[str, Collection[str]]) -> Iterator[Connection]:
     """Yield the connections of the elements, or the connection itself if it is not of vectors."""
     indices = [find_indices(name, names[component]) for component, name in connection.ends]
     if not (indices[0] and indices[1]):

@@ -19,7 +19,7 @@ from ..base.progress import Progress
 from ..pages.text import to_plain
 from ..recorders.bond_energies import COUPLING
 from ..recorders.metrics import SIGNALS
-from ..recorders.parquet_file import strange_parts
+from ..recorders.parquet_file import explain_foreign_parts
 from ..recorders.recorder import Recorder, RunLayout, recording
 from ..recorders.registry import TABLES, table_names
 from ..recorders.table import Table
@@ -92,7 +92,7 @@ class OutputFolder(Folder):
         """Check also the folder for parts of the table; see `Folder.check_files`."""
         super().check_files(names)
         with report_write_errors(self.path):
-            problem = strange_parts(self._real_path / self.results.name)
+            problem = explain_foreign_parts(self._real_path / self.results.name)
         if problem is not None:
             raise CommandError(f"{problem}, or choose another output folder.")
 

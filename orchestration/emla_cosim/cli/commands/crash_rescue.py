@@ -27,7 +27,7 @@ from ...master.instances.measured_calls import decode_call
 from ...recorders.file_table import FileTable
 from ...recorders.metrics import MetricsRecorder
 from ...recorders.recorder import Pause, Recorder, RunLayout, recording
-from ...recorders.row_buffer import RowFile, read_rows, show_rows
+from ...recorders.row_buffer import RowFile, convert_rows, read_rows
 from ...recorders.table import Table
 from ...run.remarks import describe_lost_values
 from ...run.result import Result
@@ -347,7 +347,7 @@ def _append_rows(started_run: StartedRun, table: FileTable, newest: tuple[int, V
             f"Rows after those in {table.path.name} are lost, because they were in the memory of the "
             f"process: the output folder had no file for them ({started_run.why_no_file})."
         ]
-    first, rows = newest[0], show_rows(newest[1], started_run.transformations)
+    first, rows = newest[0], convert_rows(newest[1], started_run.transformations)
     rows[:, layout.text_columns] = np.nan  # rows with texts are in the table
     if count - 1 < next_row < count - 1 + steps_per_row:
         next_row = count - 1  # only the last row may be missing, which was not due
