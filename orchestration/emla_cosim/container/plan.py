@@ -16,7 +16,7 @@ from ..fmu.interface import CO_SIMULATION
 from ..fmu.variables import TypedValue
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.group import CoupledGroup
-from ..master.algorithms.initialization import find_initial_loops, solve_initial_values
+from ..master.algorithms.initialization import find_initial_groups, solve_initial_values
 from ..master.algorithms.newton import Scale
 from ..master.algorithms.program import Operation
 from ..master.assembly import Assembly
@@ -178,7 +178,7 @@ def _check_support(assembly: Assembly) -> None:
 
 def _solve_initial_loops(network: Network, times: CommunicationPoints) -> list[Vector]:
     """Return the solution of each loop of initial values, as `initialize` finds it."""
-    loops = find_initial_loops(network)
+    loops = find_initial_groups(network)
     if not any(len(coupling_variables) for _, coupling_variables in loops):
         return [np.empty(0) for _ in loops]
     for instance in network.instances:
@@ -217,7 +217,9 @@ def _make_plan(
         groups=algorithm.groups,
         initial_groups=[
             InitialGroup(members, coupling_variables.tolist(), guess)
-            for (members, coupling_variables), guess in zip(find_initial_loops(network), guesses, strict=True)
+            for (members, coupling_variables), guess in zip(
+                find_initial_groups(network), guesses, strict=True
+            )
         ],
         image=make_system_image(algorithm, instances, numbers),
         times=times,

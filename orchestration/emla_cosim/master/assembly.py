@@ -116,7 +116,7 @@ class Assembly:
             self.instances[name] = instance
         for instance in self.instances.values():
             # those in other processes have started at the same time; now their errors are raised
-            instance.ready()
+            instance.wait_until_ready()
         links = _make_links(numeric_system, self.files, inputs, outputs)
         arranged = arrange(list(self.instances), self._groups)
         ordered = [self.system.component(name) for members in arranged for name in members]
@@ -132,8 +132,10 @@ class Assembly:
             self.network.opaque_links.append(
                 OpaqueLink(self.instances[x.source], output, self.instances[x.target], input_)
             )
-        self.network.tables = self._locate(n for n, x in self.instances.items() if _has_known_outputs(x))
-        self.network.samplers = self._locate(c.name for c in components if c.samples)
+        self.network.tables = self._find_positions(
+            n for n, x in self.instances.items() if _has_known_outputs(x)
+        )
+        self.network.samplers = self._find_positions(c.name for c in components if c.samples)
         for stepped in self.network.instances:
             if stepped not in self.instances.values():
                 self._instance_stack.callback(stepped.close)
@@ -142,7 +144,7 @@ class Assembly:
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
         self._overrides: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
 
-    def _locate(self, components: Iterable[str]) -> frozenset[int]:
+    def _find_positions(self, components: Iterable[str]) -> frozenset[int]:
         """Return the positions in the network of instances with these components."""
         names = set(components)
         return frozenset(i for i, x in enumerate(self.network.instances) if names.intersection(x.components))
@@ -305,6 +307,7 @@ class Assembly:
         return entries
 
     def _list_parameters(self, component: Component, start_values: Sequence[TypedValue]) -> dict[str, float]:
+        """Return the parameters of a component, except for Strings, by full name in units of the system."""
         parameters: dict[str, float] = {}
         aliases, values = component.by_fmu_name, {v.name: x for v, x in start_values}
         for variable in self.files[component.name].variables.values():
@@ -318,7 +321,11 @@ class Assembly:
         return parameters
 
     def _type_start_values(self, component: Component) -> list[TypedValue]:
-        """Return the start values of a component in the names and units of its FMU."""
+        """Return the start values of a component in the names and units of its FMU.
+
+        Raises:
+            CommandError: One does not fit its variable, is of a connected input, or changes the structure.
+        """
         name, interface = component.name, self.files[component.name].interface
         converted = convert_to_fmu_terms(component)
         refuse_driven(converted, self._resolved)
@@ -340,6 +347,7 @@ class Assembly:
 
 
 def _find_non_default_values(component: Component, interface: Interface) -> dict[str, dict[str, Any]]:
+    """Return the start values that differ from those of the FMU, with default and unit, by name."""
     entries = {}
     for name, value in component.parameters.items():
         alias = component.alias(name)
@@ -404,12 +412,13 @@ def _make_links(
     inputs: Mapping[str, list[str]],
     outputs: Mapping[str, list[str]],
 ) -> list[Link]:
+    """Return a link for each connection, with positions of components, outputs and inputs."""
     position = {c.name: i for i, c in enumerate(system.components)}
     used = {name: {x.output for x in system.out_of(name)} for name in position}
     input_positions = {name: {v: i for i, v in enumerate(inputs[name])} for name in position}
     output_positions = {name: {v: i for i, v in enumerate(outputs[name])} for name in position}
 
-    def link(x: Connection) -> Link:
+    def make_link(x: Connection) -> Link:
         interface, used_outputs = files[x.target].interface, used[x.target]
         direct = interface.direct.among(used_outputs, x.input)
         transformation = x.transformation or IDENTITY
@@ -427,4 +436,4 @@ def _make_links(
             shows=bool(interface.direct.among(set(output_positions[x.target]), x.input)),
         )
 
-    return [link(x) for x in system.connections]
+    return [make_link(x) for x in system.connections]

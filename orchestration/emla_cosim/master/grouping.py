@@ -90,18 +90,20 @@ def connect(
         steppers = [instances[n] for n in members]
         models = [s for s in steppers if isinstance(s, ModelExchangeInstance)]
         stepped.append(IntegratedGroup(models, inside[u]) if u in joined else make_stepped(steppers[0]))
-    condensed = [_condense(x, positions, stepped) for x in outside]
+    condensed = [_make_network_link(x, positions, stepped) for x in outside]
     return Network(stepped, _mark_direct(condensed, stepped), names, [positions[i][0] for i in followers])
 
 
-def _condense(link: Link, positions: Mapping[int, tuple[int, int]], stepped: Sequence[FmuInstance]) -> Link:
+def _make_network_link(
+    link: Link, positions: Mapping[int, tuple[int, int]], stepped: Sequence[FmuInstance]
+) -> Link:
     """Return a link between components as one between the instances of the network."""
     (u, i), (v, k) = positions[link.source], positions[link.target]
     source, target = stepped[u], stepped[v]
     if isinstance(source, IntegratedGroup):
         link = replace(link, output=source.position(i, link.output))
     if isinstance(target, IntegratedGroup):
-        through = tuple(sorted(target.find_direct_outputs(link.through, k)))
+        through = tuple(sorted(target.find_direct_outputs(k, link.through)))
         link = replace(link, input=target.free.index((k, link.input)), through=through)
     return replace(link, source=u, target=v)
 

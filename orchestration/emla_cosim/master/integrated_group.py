@@ -153,15 +153,15 @@ class IntegratedGroup(IntegratedInstance):
         """Use this memory for inputs and outputs."""
         FmuInstance.bind(self, inputs, outputs)
 
-    def find_direct_outputs(self, through: Collection[int], member: int) -> set[int]:
-        """Return the outputs of the group that depend on an input without delay.
+    def find_direct_outputs(self, member: int, member_outputs: Collection[int]) -> set[int]:
+        """Return the positions of the outputs of the group that depend on an input without delay.
 
         Args:
-            through: The outputs of the input's own member that do, by position.
-            member: Position of this member.
+            member: Position of the member with the input.
+            member_outputs: Positions of the outputs of this member that depend on the input without delay.
         """
         first = self._network.parts[0].stop
-        reached = {int(self._network.parts[member + 1].start) + k for k in through}
+        reached = {int(self._network.parts[member + 1].start) + k for k in member_outputs}
         waiting = list(reached)
         while waiting:
             for following in self._dependents.get(waiting.pop(), ()):
@@ -239,7 +239,7 @@ class IntegratedGroup(IntegratedInstance):
                     transfer.write(signals)
 
     def _solve(self, stage: _Stage) -> None:
-        """Find the signals of a loop without delay."""
+        """Solve a loop without delay: set its signals, and pass them to the inputs that they drive."""
         signals, loop = self._network.signals, stage.loop
 
         def evaluate(guess: Vector) -> Vector:

@@ -33,8 +33,8 @@ class Link:
         factor: in units of the input per unit of the output.
         offset: in the unit of the input.
         name: name in messages.
-        through: positions of the connected outputs that depend on the input without delay.
-        shows: whether any output, also one without connections, depends on the input without delay.
+        through: positions of the connected outputs of the target that depend on the input without delay.
+        shows: whether any output of the target, also an unconnected one, depends on it in this way.
     """
 
     source: int
@@ -323,8 +323,8 @@ def order_with_followers(count: int, links: Sequence[Link], followers: Collectio
         return find_stepping_order(count, links)
     source_of = {link.target: link.source for link in links if link.target in followers}
 
-    def origin(i: int) -> int | None:
-        """Return the instance that drives i through followers; None if there is none."""
+    def find_origin(i: int) -> int | None:
+        """Return the instance that drives i through followers: i itself if it is none; None without any."""
         while i in followers:
             if i not in source_of:
                 return None
@@ -334,7 +334,7 @@ def order_with_followers(count: int, links: Sequence[Link], followers: Collectio
     direct = [
         replace(link, source=first)
         for link in links
-        if link.target not in followers and (first := origin(link.source)) is not None
+        if link.target not in followers and (first := find_origin(link.source)) is not None
     ]
     leaders = [i for i in find_stepping_order(count, direct) if i not in followers]
     return _insert_followers(leaders, links, followers)

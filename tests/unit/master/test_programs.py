@@ -153,12 +153,18 @@ def test_terms_are_added_in_order_and_into_the_signals(ring: ec.Simulation, way:
         ([ec.Combine(0, "mine", {})], "a Combine without terms has no sum"),
         ([*calls([0], steps=2), ec.Operation(ec.Call.SET, 0, 3)], "of a are done every 2, 3 steps; all need"),
         ([*calls([0], steps=-1)], "of a are done every -1 steps"),
-        ([*calls([0], steps=2), ec.Solve([0, 1])], "a group needs members without step multiples"),
+        (
+            [*calls([0], steps=2), ec.Solve([0, 1])],
+            "a group needs members, and all of them without step multiples",
+        ),
         ([ec.Solve([])], "a group needs members"),
         ([ec.Solve([0, 0])], "has an instance twice"),
-        ([ec.Solve([0, 2])], "is not for instances from 0 to 1"),
-        ([ec.Operation(ec.Call.STEP, -1)], "is not for instances from 0 to 1"),
-        ([ec.Combine(2, "mine", {"signals": 1.0})], "is not for instances from 0 to 1"),
+        ([ec.Solve([0, 2])], "names an instance that does not exist; there are 0 to 1"),
+        ([ec.Operation(ec.Call.STEP, -1)], "names an instance that does not exist; there are 0 to 1"),
+        (
+            [ec.Combine(2, "mine", {"signals": 1.0})],
+            "names an instance that does not exist; there are 0 to 1",
+        ),
         ([ec.Operation(7, 0)], "7 is not a Call"),  # type: ignore[arg-type]
         ([(ec.Call.STEP, 0)], "is not an Operation, a Solve or a Combine"),
     ],

@@ -179,7 +179,7 @@ class Algorithm(ABC):
             group.jacobian = move(group.jacobian)
 
     def _apply_step_multiple(self, operation: Operation, operations: Sequence[Operation]) -> None:
-        """Take the step multiple of an operation as that of its instance."""
+        """Use the step multiple of an operation for its instance; CommandError if another contradicts it."""
         i, multiple = operation.instance, operation.every
         if not multiple:
             return
@@ -215,7 +215,7 @@ class Algorithm(ABC):
         """Return a group; CommandError if its members cannot be solved together."""
         instances = [self.network.instances[i] for i in members]
         if not members or any(self.multiples[i] > 1 for i in members):
-            raise CommandError("a group needs members without step multiples.")
+            raise CommandError("a group needs members, and all of them without step multiples.")
         coupling_variables = self.network.find_coupling_variables(members)
         if len(coupling_variables):
             # the step of a loop is repeated until the values agree, from the same states
@@ -247,7 +247,7 @@ class Algorithm(ABC):
             stop_time: in s; None for a run without a fixed end.
         """
         initialize(self.network, start_time, stop_time)
-        self.exchange.find_following_instances()
+        self.exchange.detect_following_instances()
         self.exchange.begin(start_time)
         for store in self.stores.values():
             store[:] = self.network.signals
@@ -269,7 +269,7 @@ class Algorithm(ABC):
         """Return notes on the exchange of values that a reader of the results needs."""
         lagging = [
             self.network.instances[i].name
-            for i in sorted(self.exchange.find_instances_of_means())
+            for i in sorted(self.exchange.find_readers_of_means())
             if not self.exchange.follows[i]
         ]
         if not lagging:
@@ -302,7 +302,7 @@ class Algorithm(ABC):
         return {"block": self.block, "counts": np.array([self.steps, self.sweeps], dtype=float)}
 
     def load_state_dict(self, state: Mapping[str, Vector]) -> None:
-        """Continue from what `state` returned in an algorithm of the same class, for the same network."""
+        """Continue from what `state_dict` returned in an algorithm of the same class and network."""
         self.block[:] = state["block"]
         self.steps, self.sweeps = (int(count) for count in state["counts"])
 

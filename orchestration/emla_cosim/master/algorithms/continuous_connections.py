@@ -101,22 +101,26 @@ def loop_responses(algorithm: Algorithm) -> Mapping[int, Vector]:
     return responses
 
 
-def _list_readers(network: Network, link: Link, late: Collection[int]) -> Iterator[tuple[Link, bool]]:
-    """Yield the last link to each consumer of a signal, through followers, and whether it is late."""
+def _list_readers(network: Network, link: Link, late_ids: Collection[int]) -> Iterator[tuple[Link, bool]]:
+    """Yield the last link to each consumer of a signal, through followers, and whether its value is late."""
     if link.target not in network.followers:
-        yield link, id(link) in late
+        yield link, id(link) in late_ids
         return
     for onward in network.links:
         if onward.source == link.target:
             yield from (
-                (last, is_late or id(link) in late) for last, is_late in _list_readers(network, onward, late)
+                (last, is_late or id(link) in late_ids)
+                for last, is_late in _list_readers(network, onward, late_ids)
             )
 
 
 def _is_continuous(network: Network, first: Link, last: Link, sampling: Collection[str]) -> bool:
+    """Return whether a path of links passes a continuous signal between components that do not sample."""
     source, target = network.instances[first.source], network.instances[last.target]
-    ends = bool(source.continuous_outputs[first.output] and target.continuous_inputs[last.input])
-    return ends and source.name not in sampling and target.name not in sampling
+    has_continuous_ends = bool(
+        source.continuous_outputs[first.output] and target.continuous_inputs[last.input]
+    )
+    return has_continuous_ends and source.name not in sampling and target.name not in sampling
 
 
 def _number_loops(paths: Collection[tuple[int, int]]) -> dict[int, int]:

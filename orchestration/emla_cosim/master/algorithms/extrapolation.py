@@ -81,8 +81,8 @@ class History:
         previous: Signals one communication point earlier.
         at: Per instance, the time in s of its newest signals.
         before: Per instance, the time in s of its signals in `previous`.
-        taken: Per input of instances with a step multiple, the signal that it read last.
-        taken_at: The times in s of these signals.
+        last_read: Per input of instances with a step multiple, the signal that it read last.
+        last_read_at: The times in s of these signals.
     """
 
     previous: Vector
@@ -139,16 +139,17 @@ class Exchange:
             and network.instances[x.target].continuous_inputs[x.input]
         )
 
-    def is_of_middle(self, link: Link) -> bool:
-        """Return whether an input has one value throughout a step that is that of the middle of the step."""
+    def reads_middle_value(self, link: Link) -> bool:
+        """Return whether an input has the value of the middle of a step, or the mean, throughout the step."""
         reading = self.readings[link.target][link.input]
         is_in_middle = self.modes[link.target] == Mode.MIDDLE
         return reading == Known.MEAN or (reading == Known.NOT_KNOWN and is_in_middle)
 
     def _is_first_order(self, link: Link) -> bool:
+        """Return whether a link is accurate to first order only."""
         is_known = self.readings[link.target][link.input] != Known.NOT_KNOWN
         is_held = not is_known and self.modes[link.target] == Mode.HOLD
-        return is_held or (link.direct and self.is_of_middle(link))
+        return is_held or (link.direct and self.reads_middle_value(link))
 
     def use_known_sources(self, tables: Collection[int], rare: Collection[int]) -> None:
         """Read the signals of these instances as known in advance; they step before all others.
@@ -164,6 +165,7 @@ class Exchange:
                 self.readings[link.target][link.input] = reading
 
     def _choose_reading(self, link: Link) -> Known:
+        """Return what an input that does not sample reads of a known signal."""
         source, target = self.network.instances[link.source], self.network.instances[link.target]
         if target.clocked_inputs[link.input]:
             return Known.SAMPLE
@@ -179,18 +181,18 @@ class Exchange:
         """Return whether instance i gets derivatives of its inputs."""
         return self.modes[i] == Mode.LINE or bool((self.readings[i] == Known.LINE).any())
 
-    def find_instances_of_means(self) -> set[int]:
+    def find_readers_of_means(self) -> set[int]:
         """Return the instances with outputs that depend directly on the mean of a known signal."""
         means = [x for x in self.network.links if self.readings[x.target][x.input] == Known.MEAN]
         return {x.target for x in means if x.direct or x.shows}
 
-    def find_following_instances(self) -> None:
-        """Find out which FMUs compute their outputs anew after known inputs were set; call it before steps.
+    def detect_following_instances(self) -> None:
+        """Set `follows`: which FMUs compute their outputs anew after known inputs were set.
 
         Some keep the outputs of their step, and FMI 2.0 lets them refuse to be read. So this is tried on a
         copy of the state.
         """
-        for i in self.find_instances_of_means():
+        for i in self.find_readers_of_means():
             instance = self.network.instances[i]
             self.follows[i] = instance.rolls_back and _has_following_outputs(
                 instance, self.readings[i] == Known.MEAN
@@ -204,7 +206,7 @@ class Exchange:
             if (reading := self.readings[link.target][link.input]) != Known.NOT_KNOWN
         }
 
-    def sample(self, instances: Collection[int]) -> None:
+    def mark_sampled(self, instances: Collection[int]) -> None:
         """Treat these instances as sampled: others hold their outputs, and lines span their long steps."""
         for i in instances:
             self.rare[i], self.smooth[self.network.parts[i]] = True, False
@@ -247,6 +249,7 @@ def _has_following_outputs(instance: FmuInstance, is_known_input: NDArray[np.boo
 
 
 def _choose_mode(extrapolation: str, can_interpolate: bool) -> Mode:
+    """Return how the inputs of an instance change during a step."""
     if extrapolation == "none":
         return Mode.HOLD
     # an FMU that cannot interpolate gets the value that its input has on average in the step

@@ -26,7 +26,7 @@ class CoupledGroup:
         scale: Sizes of the signals.
         members: Positions of the instances, in order.
         coupling_variables: Positions of the signals to iterate on.
-        jacobian: J of the quasi-Newton iteration, shape (n, n); see `quasi_newton.py`. Changed in place.
+        jacobian: J of the quasi-Newton iteration, shape (n, n); see `quasi_newton.h`. Changed in place.
         is_saved: Whether all instances can restore their states.
         is_halved: Whether all instances can do steps of other lengths.
     """

@@ -49,7 +49,7 @@ def solve_initial_values(network: Network, scale: Scale) -> None:
         RunError: No solution of a loop was found.
         InstanceError: A call of an FMU failed.
     """
-    for group, coupling_variables in find_initial_loops(network):
+    for group, coupling_variables in find_initial_groups(network):
         _solve_group(network, group, coupling_variables, scale)
 
 
@@ -70,8 +70,11 @@ def _exchange_opaque_values(network: Network) -> None:
         )
 
 
-def find_initial_loops(network: Network) -> list[tuple[list[int], Indices]]:
-    """Return the groups that are initialized together, in order, and their coupling variables."""
+def find_initial_groups(network: Network) -> list[tuple[list[int], Indices]]:
+    """Return the groups that are initialized together, in order, and their coupling variables.
+
+    An instance outside of loops is a group without coupling variables.
+    """
     groups = network.groups(_is_initial)
     return [(group, network.find_coupling_variables(group, _is_initial)) for group in groups]
 
@@ -111,6 +114,7 @@ def _solve_group(network: Network, group: list[int], coupled: Indices, scale: Sc
 def _explain_no_solution(
     network: Network, group: list[int], coupled: np.ndarray, failure: NoSolutionError
 ) -> str:
+    """Return the message on a loop whose initial values do not agree."""
     loop = network.loop_name(group)
     if failure.singular.any():
         names = join_names([network.names[s] for s in coupled[failure.singular]])

@@ -54,7 +54,7 @@ class Newton:
     """Solve x = F(x).
 
     Args:
-        answer: F, from shape (n,) to shape (n,).
+        function: F, from shape (n,) to shape (n,).
         sizes: Return the sizes of values, shape (n,), positive, each in its value's unit.
     """
 
@@ -80,12 +80,12 @@ class Newton:
                 return x
             inverse = inverse or self._invert(x, value)
             correction = inverse.matrix @ gap
-            size = self._weigh(x, correction)
+            size = self._find_largest_relative(x, correction)
             if self._is_solved(x, gap, size, last):
                 x = x + correction  # so that values which the loop amplifies agree, too
                 self._evaluate(x)
                 return x
-            step, value, inverse = self._shorten(x, correction, size, inverse)
+            step, value, inverse = self._search_along(x, correction, size, inverse)
             x, last = x + step * correction, size
         raise NoSolutionError(value - x, self._calls, np.zeros(len(x), dtype=bool))
 
@@ -94,19 +94,20 @@ class Newton:
         with np.errstate(all="ignore"):
             return np.array(self._function(x), dtype=float)
 
-    def _weigh(self, x: Vector, difference: Vector) -> float:
+    def _find_largest_relative(self, x: Vector, difference: Vector) -> float:
         """Return the largest difference relative to the values' sizes; infinity if it is not finite."""
         with np.errstate(all="ignore"):
             largest = float((np.abs(difference) / self._sizes(x)).max())
         return largest if np.isfinite(largest) else np.inf
 
-    def _is_solved(self, x: Vector, gap: Vector, correction: float, last: float) -> bool:
-        if correction <= TOLERANCE and self._weigh(x, gap) <= TOLERANCE:
+    def _is_solved(self, x: Vector, gap: Vector, correction_size: float, last_size: float) -> bool:
+        """Return whether a correction of this size, after one of the last size, is the last that helps."""
+        if correction_size <= TOLERANCE and self._find_largest_relative(x, gap) <= TOLERANCE:
             return True
         # rounding errors: nothing better follows
-        return correction <= ROUGH and correction >= 0.5 * last
+        return correction_size <= ROUGH and correction_size >= 0.5 * last_size
 
-    def _shorten(
+    def _search_along(
         self, x: Vector, correction: Vector, size: float, inverse: _Inverse
     ) -> tuple[float, Vector, _Inverse | None]:
         """Find how far to go along a correction: the whole correction if no part of it helps.
@@ -118,25 +119,30 @@ class Newton:
             step = 0.5**halvings
             trial = x + step * correction
             value = self._evaluate(trial)
-            following = self._weigh(x, inverse.matrix @ (value - trial))
+            following = self._find_largest_relative(x, inverse.matrix @ (value - trial))
             if following <= (1.0 - 0.25 * step) * size or (size <= ROUGH and following < np.inf):
                 return step, value, inverse if following <= _FAST * size else None
         return 1.0, self._evaluate(x + correction), None
 
     def _invert(self, x: Vector, value: Vector) -> _Inverse:
-        """Return the inverse at a point, from large differences if rounding errors hide small ones."""
+        """Return the inverse at a point, from large differences if rounding errors hide small ones.
+
+        Raises:
+            NoSolutionError: No correction can remove the gap, or a derivative is not finite.
+        """
         sizes, gap = self._sizes(x), value - x
         inverse = self._invert_differences(x, value, DIFFERENCE * sizes)
         if inverse.hidden.size:
             inverse = self._invert_differences(x, value, np.maximum(sizes, np.abs(gap)))
         if inverse.hidden.size:
             uncorrectable = gap - self._slopes @ (inverse.matrix @ gap)
-            if self._weigh(x, uncorrectable) > TOLERANCE:
+            if self._find_largest_relative(x, uncorrectable) > TOLERANCE:
                 main = np.abs(inverse.hidden).max(axis=1)
                 raise NoSolutionError(gap, self._calls, main > 0.1 * main.max())
         return inverse
 
     def _invert_differences(self, x: Vector, value: Vector, steps: Vector) -> _Inverse:
+        """Return the inverse of derivatives from differences with these steps, and keep the derivatives."""
         count, sizes = len(x), self._sizes(x)
         slopes, noise = np.eye(count), np.zeros((count, count))
         for j in range(count):

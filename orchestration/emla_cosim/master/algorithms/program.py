@@ -83,13 +83,15 @@ def check_instruction(instruction: Instruction, count: int) -> None:
         count: Number of instances.
 
     Raises:
-        CommandError: It is none, or is for instances that do not exist.
+        CommandError: It is not an instruction, or its instances do not exist or are named twice.
     """
     if not isinstance(instruction, Instruction):
         raise CommandError(f"{instruction!r} is not an Operation, a Solve or a Combine.")
     instances = instruction.members if isinstance(instruction, Solve) else [instruction.instance]
     if any(position not in range(count) for position in instances):
-        raise CommandError(f"{instruction!r} is not for instances from 0 to {count - 1}.")
+        raise CommandError(
+            f"{instruction!r} names an instance that does not exist; there are 0 to {count - 1}."
+        )
     if len(set(instances)) < len(instances):
         raise CommandError(f"{instruction!r} has an instance twice.")
     if isinstance(instruction, Operation) and instruction.call not in list(Call):
@@ -100,7 +102,8 @@ def list_vectors(program: Sequence[Instruction]) -> list[str]:
     """Return the names of the vectors that a program writes, besides the signals.
 
     Raises:
-        CommandError: It reads a vector that it does not write, or has a wrong factor.
+        CommandError: It reads a vector that it does not write, writes `previous`, or combines no terms or
+            a factor that is not a finite number.
     """
     combinations = [x for x in program if isinstance(x, Combine)]
     written = dict.fromkeys(x.into for x in combinations)

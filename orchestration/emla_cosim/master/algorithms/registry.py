@@ -60,7 +60,7 @@ class Strong(InOrder):
         if self._sampled:
             # they sample after all loops have agreed on the values of a point
             network.hold_back(self._sampled, bool(self.order))
-        self.exchange.sample(self._sampled)
+        self.exchange.mark_sampled(self._sampled)
         groups = network.groups(lambda link: link.source not in self._sampled)
         loops = [Solve(group) for group in groups if group[0] not in self._sampled]
         self.use(

@@ -175,7 +175,7 @@ class CouplingEstimate:
         if self._can_restore:
             loop.allow_way_back()
 
-    def count_steps(self, first: int, last: int) -> int:
+    def save_if_due(self, first: int, last: int) -> int:
         """Save the state at step `first` if it is due, and return the last step before the next state.
 
         Args:
@@ -250,12 +250,13 @@ class CouplingEstimate:
         values = (last - first) * len(self._algorithm.network.signals)
         if self._pace * (last - first) <= allowed and values <= MOST_VALUES:
             return self._make_result(
-                _find_largest(self._halve_steps(first, last - first, self._rows.stride)), "the whole run"
+                _find_largest(self._compute_errors_by_halves(first, last - first, self._rows.stride)),
+                "the whole run",
             )
         return self._make_result(self._combine_windows(first, last, allowed), "windows")
 
     def _make_result(self, errors: Vector, repeated: str) -> CouplingError:
-        """Return the errors by the positions of their signals."""
+        """Return the result with these errors, limited to `HUGE`; `repeated` is as in `CouplingError`."""
         errors = np.where(np.isfinite(errors), np.minimum(errors, HUGE), HUGE)
         errors_by_signal = dict(zip(self._signals.tolist(), errors.tolist(), strict=True))
         return CouplingError(errors_by_signal, repeated, self._repeated)
@@ -274,7 +275,7 @@ class CouplingEstimate:
         return np.where(store.ranges > 0.0, missed, 0.0) if len(changes) else np.zeros(len(store.ranges))
 
     def _measure_cost(self, first: int, last: int, allowed: float) -> None:
-        """Measure what a step in halves costs, and whether longer steps cost less than those they replace."""
+        """Set what a step in halves costs, and whether longer steps cost less than those they replace."""
         count, ratio = min(max(int(0.1 * allowed / self._pace), 2), MEASURED, last - first), GROWTH**2
         start_time = self._clock()
         self._repeat(first, count, program=self._program)
@@ -307,7 +308,7 @@ class CouplingEstimate:
         share = 0.4 if self._is_coarse else 1.0
         count = min(_round_down(max(share * allowed / self._pace, SHORTEST_WINDOW)), available)
         start_time, stride = self._clock(), 1
-        errors = self._halve_steps(begin, count, 1)
+        errors = self._compute_errors_by_halves(begin, count, 1)
         per_step = (self._clock() - start_time) / count
         order, ranges = self._algorithm.accuracy, self._rows.ranges
         while self._is_coarse and stride * len(errors) < last - begin:
@@ -331,8 +332,11 @@ class CouplingEstimate:
         rows = self._rows.get(begin, stride, len(errors))
         return _Window.of(errors, rows, ranges)
 
-    def _halve_steps(self, begin: int, count: int, stride: int) -> Vector:
-        """Return the error at every `stride`-th of `count` steps that are done in halves."""
+    def _compute_errors_by_halves(self, begin: int, count: int, stride: int) -> Vector:
+        """Do `count` steps in halves, and return the errors of the run at every `stride`-th of them.
+
+        They are relative to the ranges; one row of infinities if the halves failed.
+        """
         assert self._rows is not None
         halved = self._repeat(begin, count, None, self._program, stride)
         expected = self._rows.get(begin, stride, len(halved))

@@ -92,7 +92,7 @@ class _Halving:
         halves = [(n, operation) for n, operation in enumerate(reduced) if operation is not None]
         for part in (Part.FIRST_HALF, Part.SECOND_HALF):
             for n, operation in halves:
-                yield from self._swap_signals(self._find_old(n, operation))
+                yield from self._swap_signals(self._find_samplers_to_swap(n, operation))
                 yield operation, part
         yield from self._swap_signals(set())
 
@@ -105,7 +105,11 @@ class _Halving:
         self._with_old_signals = old
 
     def _exclude_samplers(self, operation: Any) -> Any:
-        """Return an operation without instances that sample; None if nothing is left."""
+        """Return an operation without instances that sample, for which a group may be added to `groups`.
+
+        Returns:
+            The operation; None if all its instances sample.
+        """
         members = self._find_members(operation)
         remaining = [i for i in members if i not in self._sampling]
         if len(remaining) == len(members) or not remaining:
@@ -122,8 +126,11 @@ class _Halving:
             return self._algorithm.groups[target].members
         return [target] if target < len(self._algorithm.network.instances) else []
 
-    def _find_old(self, n: int, operation: Any) -> set[int]:
-        """Return the samplers that operation n reads before they are written; none if it reads nothing."""
+    def _find_samplers_to_swap(self, n: int, operation: Any) -> set[int]:
+        """Return the samplers of which operation n reads signals from the start of the step.
+
+        If it reads nothing, these are the ones that have such signals already, so that nothing is swapped.
+        """
         if operation["call"] not in (Call.SET, Call.SOLVE):
             return self._with_old_signals
         return {i for i, written in self._written.items() if written > n}

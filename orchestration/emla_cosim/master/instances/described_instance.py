@@ -170,7 +170,7 @@ class DescribedInstance(FmuInstance):
         """Violations of the standard in this run that were accepted."""
         return []
 
-    def ready(self) -> None:
+    def wait_until_ready(self) -> None:
         """Wait until the FMU is instantiated; CommandError if its library cannot be loaded."""
 
     def use_integrator(self, settings: IntegratorSettings) -> None:

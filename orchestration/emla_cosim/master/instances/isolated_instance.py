@@ -216,7 +216,7 @@ class IsolatedInstance(DescribedInstance):
         """Violations of the standard in this run that were accepted."""
         return self._violations
 
-    def ready(self) -> None:
+    def wait_until_ready(self) -> None:
         """Wait until the FMU is instantiated; CommandError if its library cannot be loaded."""
         self._receive()
 

@@ -144,7 +144,7 @@ def _depend_on_late_inputs(algorithm: Algorithm, is_unread: Any) -> Any:
     is_late, count = np.zeros(len(network.signals), dtype=bool), -1
     while count < (count := int(is_late.sum())):
         for link in network.links:
-            if id(link) in late or exchange.is_of_middle(link) or is_late[network.signal(link)]:
+            if id(link) in late or exchange.reads_middle_value(link) or is_late[network.signal(link)]:
                 part = network.parts[link.target]
                 is_late[part] |= is_unread[part]
                 is_late[[part.start + k for k in link.through]] = True

@@ -139,7 +139,7 @@ class FixedSteps(Stepping):
         if observer.strings:  # C cannot read texts
             last = min(last, observer.find_next_due(first))
         if self.estimate is not None:
-            last = self.estimate.count_steps(first, last)
+            last = self.estimate.save_if_due(first, last)
         block = rows.room(max(last // stride - first // stride, 1))
         # up to the step before the first row without room
         last_fitting_step = (first // stride + len(block) + 1) * stride - 1
