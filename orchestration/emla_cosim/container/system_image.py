@@ -162,7 +162,7 @@ def _make_part_image(
         return PartImage(setters, getters)
     tables, variables = instance.tables, list(instance.file.variables.values())
     start = image.find_position_in_saved(tables.memory.ctypes.data)
-    positions = tables.find_places(variables)
+    positions = tables.find_positions(variables)
     return PartImage(
         setters=setters,
         getters=getters,

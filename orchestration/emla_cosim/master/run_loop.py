@@ -69,7 +69,7 @@ class Pacing:
 
 
 STRETCH = 0.05
-"""Target wall time of a stretch, in s; sets the number of steps in each. `LONGEST` is the limit."""
+"""Target wall time of a stretch, in s; sets the number of steps in each. one of `LONGEST` is the limit."""
 
 MOST_STEPS = 2**20
 """Largest number of steps in a stretch."""

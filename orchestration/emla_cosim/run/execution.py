@@ -88,9 +88,9 @@ class ActiveRun:
         if self.profiler is not None:
             for recorder in self.recorders:
                 name = recorder.key or type(recorder).__name__
-                self.profiler.watch(name, recorder, "write", "pause", "state_dict", "end")
+                self.profiler.measure_methods(name, recorder, "write", "pause", "state_dict", "end")
             if self.plan.pacing is not None:
-                self.profiler.watch(PACING, self.plan.pacing, "wait")
+                self.profiler.measure_methods(PACING, self.plan.pacing, "wait")
 
     @property
     def units(self) -> dict[str, SiUnit | None]:

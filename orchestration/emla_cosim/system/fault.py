@@ -62,9 +62,7 @@ class Fault:
         if not math.isfinite(self.start):
             raise CommandError(f"{subject} begins at {self.start:g} s; that must be a finite number.")
         if self.duration is not None and not 0.0 < self.duration < math.inf:
-            raise CommandError(
-                f"{subject} lasts {self.duration:g} s; that must be a positive, finite number."
-            )
+            raise CommandError(f"{subject} lasts {self.duration:g} s; that must be a positive number.")
         if number is not None and not math.isfinite(number):
             raise CommandError(f"{subject} has the value {number:g}; that must be a finite number.")
         if (self.value is None) != (self.kind == "freeze"):

@@ -152,7 +152,7 @@ class HostedEvents:
     @property
     def ticks(self) -> dict[str, int]:
         """The number of ticks of each input clock, by name."""
-        positions = self._tables.find_places([self._clocks[clock.name] for clock in self._input_clocks])
+        positions = self._tables.find_positions([self._clocks[clock.name] for clock in self._input_clocks])
         counts = self._tables.memory[positions].astype(int).tolist()
         return dict(zip((clock.name for clock in self._input_clocks), counts, strict=True))
 

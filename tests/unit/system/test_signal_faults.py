@@ -267,7 +267,7 @@ def test_faults_are_arguments_of_the_command() -> None:
         (f"{ENCODER}=stick@1", "no kind of fault 'stick'; choose from freeze, offset, gain and constant"),
         (f"{ENCODER}=offset@1", "is of the kind offset, which needs a value"),
         (f"{ENCODER}=freeze:1@1", "is of the kind freeze, which keeps the last value of the signal"),
-        (f"{ENCODER}=freeze@1+-0.1", "lasts -0.1 s; that must be a positive, finite number"),
+        (f"{ENCODER}=freeze@1+-0.1", "lasts -0.1 s; that must be a positive number"),
         (f"{ENCODER}=freeze@1e999", "begins at inf s; that must be a finite number"),
         ("lift.plant.motor.R_s=freeze@1", "is a parameter; a fault needs an output or an input"),
         ("lift.plant.P_L=freeze@1", "lift.plant.P_L is not connected"),

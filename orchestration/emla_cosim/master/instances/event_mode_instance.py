@@ -38,8 +38,8 @@ _TIMED = DO_STEP, UPDATE, SET_CLOCK, GET_CLOCK
 _REFUSED = {Problem.EARLY_RETURN: "it returned early", Problem.EVENT: "it asked for event mode"}
 
 
-def explain_problem(instance: InProcessInstance, tables: EventTables) -> RunError:
-    """Return the error for the problem of an instance in its last event or step, and clear the problem."""
+def take_problem_error(instance: InProcessInstance, tables: EventTables) -> RunError:
+    """Clear the problem of an instance in its last event or step, and return the error for it."""
     record = tables.record
     problem, name = Problem(record.problem), instance.name
     record.problem = Problem.NONE
@@ -62,7 +62,7 @@ def explain_problem(instance: InProcessInstance, tables: EventTables) -> RunErro
     if problem == Problem.TOO_MANY_TICKS:
         return RunError(
             f"the clock {tables.name_clock(record.clock)} of {name} has to tick {record.count} times in "
-            f"the step to t = {record.value:.9g} s; less than {MOST_UPDATES} are supported. Use a "
+            f"the step to t = {record.value:.9g} s; fewer than {MOST_UPDATES} are supported. Use a "
             "smaller step size."
         )
     call, answer = describe_answer(problem, record, tables)
@@ -70,7 +70,7 @@ def explain_problem(instance: InProcessInstance, tables: EventTables) -> RunErro
 
 
 def describe_answer(problem: Problem, record: Events, tables: EventTables) -> tuple[str, str]:
-    """Return the call that gave a wrong answer, with its time, and the answer."""
+    """Return the call that gave a wrong answer, with its time, and the answer in words."""
     step, update = _add_time(DO_STEP, record.time), _add_time(UPDATE, record.time)
     if problem in _REFUSED:
         return step, f"{_REFUSED[problem]}, which is not allowed here"
@@ -132,7 +132,7 @@ class EventModeInstance(InProcessInstance):
 
     @property
     def instantiation(self) -> Mapping[str, bool]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Return what `fmi3InstantiateCoSimulation` gets."""
+        """Return the arguments of `fmi3InstantiateCoSimulation` by name."""
         return {"eventModeUsed": self._uses_event_mode, "earlyReturnAllowed": _can_return_early(self.file)}
 
     def _prepare_events(self) -> None:
@@ -177,11 +177,11 @@ class EventModeInstance(InProcessInstance):
     def exit_initialization(self) -> None:
         """Leave initialization mode, and handle the events at the start."""
         stepper, tables = require_stepper(), self.tables
-        self._do("getIntervalDecimal", stepper.start_events, tables.record.time)
+        self._call_stepper("getIntervalDecimal", stepper.start_events, tables.record.time)
         super().exit_initialization()
         tables.passed[:] = self.inputs[tables.discrete]
         if self._uses_event_mode:
-            self._do("updateDiscreteStates", stepper.leave_events)
+            self._call_stepper("updateDiscreteStates", stepper.leave_events)
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type, after initialization in event mode or at ticks."""
@@ -193,9 +193,9 @@ class EventModeInstance(InProcessInstance):
             self.tables.set_by_hand(setters)
         else:
             # FMI 3.0 lets discrete inputs change in event mode only
-            self._do("enterEventMode", require_stepper().enter_events)
+            self._call_stepper("enterEventMode", require_stepper().enter_events)
             super().set_value(variable, value)
-            self._do("updateDiscreteStates", require_stepper().leave_events)
+            self._call_stepper("updateDiscreteStates", require_stepper().leave_events)
 
     def _make_setter_by_hand(self, variable: ModelVariable, value: Any) -> Callable[[], int]:
         """Return a function that sets a clocked variable, for the stepper; it keeps an exception."""
@@ -215,7 +215,7 @@ class EventModeInstance(InProcessInstance):
 
         The value of a clock is the number of its ticks.
         """
-        (position,) = self.tables.find_places([variable])
+        (position,) = self.tables.find_positions([variable])
         if variable.type == CLOCK:
             return int(self.tables.memory[position])
         if position >= 0 and self._stepping:
@@ -232,7 +232,7 @@ class EventModeInstance(InProcessInstance):
     def get_outputs(self) -> None:
         """Read the FMU's outputs into `outputs`; clocked ones are those of the last tick."""
         if self._stepping:
-            self._check(GETTING, self._getter.get(self._component, self.outputs))
+            self._check_status(GETTING, self._getter.get(self._component, self.outputs))
         else:
             super().get_outputs()
             self._getter.copy_ticks(self.outputs)
@@ -247,14 +247,14 @@ class EventModeInstance(InProcessInstance):
         """Read the observed variables; clocked ones are those of the last tick."""
         values = self._observed[1]
         if self._stepping:
-            self._check(RECORDING, self._observer.get(self._component, values))
+            self._check_status(RECORDING, self._observer.get(self._component, values))
         else:
             super().get_observed()
             self._observer.copy_ticks(values)
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s, and handle the events in between and at the end."""
-        self._do(DO_STEP, require_stepper().step_events, time, step, self._no_way_back)
+        self._call_stepper(DO_STEP, require_stepper().step_events, time, step, self._no_way_back)
 
     def save(self, state: Any = None) -> Any:
         """Return a copy of the FMU's state, in the memory of the earlier copy `state`."""
@@ -297,14 +297,14 @@ class EventModeInstance(InProcessInstance):
     def error(self, call: str, status: int) -> RunError:
         """Return the error for a call that returned this status, or for a problem in a step."""
         if call.startswith(DO_STEP) and self.tables.record.problem:
-            return self._explain()
+            return self._make_problem_error()
         return super().error(call, status)
 
     @property
     def _setters(self) -> Sequence[TypedValues]:
         return self.tables.setters
 
-    def _do(self, call: str, function: Callable[..., int], *arguments: Any) -> None:
+    def _call_stepper(self, call: str, function: Callable[..., int], *arguments: Any) -> None:
         """Call a function of the stepper; an exception of Python in it counts as one of this FMI call."""
         try:
             problem = function(ctypes.addressof(self._present), self.tables.address, *arguments)
@@ -312,12 +312,12 @@ class EventModeInstance(InProcessInstance):
             raise self.python_error(call, error) from error
         self.returned()
         if problem:
-            raise self._explain()
+            raise self._make_problem_error()
 
-    def _explain(self) -> RunError:
-        """Return the error for the problem in the last call of the stepper."""
+    def _make_problem_error(self) -> RunError:
+        """Return the error for the problem in the last call of the stepper, and clear the problem."""
         error, self._error_by_hand = self._error_by_hand, None
-        return error or explain_problem(self, self.tables)
+        return error or take_problem_error(self, self.tables)
 
 
 class _Getter:
@@ -335,14 +335,14 @@ class _Getter:
     def __init__(
         self, tables: EventTables, variables: Sequence[ModelVariable], functions: Mapping[str, Any]
     ) -> None:
-        positions = tables.find_places(variables)
+        positions = tables.find_positions(variables)
         in_fmu, self._event_elements = np.flatnonzero(positions < 0), np.flatnonzero(positions >= 0)
         self._state, self._positions = tables.memory, positions
         self._typed = TypedValues("get", [variables[i] for i in in_fmu.tolist()], functions, elements=in_fmu)
         self._clocks = np.array([i for i, v in enumerate(variables) if v.type == CLOCK], dtype=np.intp)
         self.groups = [*self._typed.groups]
         if len(self._event_elements):
-            self.groups.append(tables.copy_group(positions[self._event_elements], self._event_elements))
+            self.groups.append(tables.make_copy_group(positions[self._event_elements], self._event_elements))
 
     def get(self, component: Any, vector: Vector) -> int:
         """Read all variables and return the worst status."""
@@ -351,5 +351,5 @@ class _Getter:
         return status
 
     def copy_ticks(self, vector: Vector) -> None:
-        """Read the clocks, which have no value in the FMU."""
+        """Copy the numbers of ticks of the clocks into the vector: they have no value in the FMU."""
         vector[self._clocks] = self._state[self._positions[self._clocks]]

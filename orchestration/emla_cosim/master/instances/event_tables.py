@@ -1,4 +1,4 @@
-"""Tables of an instance with event mode, clocks or early returns for the stepper in C; see `event_layout`."""
+"""Tables of an instance with event mode, clocks or early returns for the stepper in C; see `layout`."""
 
 import ctypes
 import math
@@ -133,12 +133,12 @@ class EventTables:
             calls = records["call"] if records.dtype == CLOCKED_CALL else records
             calls["component"] = component
 
-    def find_places(self, variables: Sequence[ModelVariable]) -> NDArray[np.intp]:
+    def find_positions(self, variables: Sequence[ModelVariable]) -> NDArray[np.intp]:
         """Return the positions of clocked variables and clocks in the memory; -1 for others."""
         return np.array([self._state_positions.get(v.name, -1) for v in variables], dtype=np.intp)
 
-    def copy_group(self, slots: NDArray[np.intp], targets: NDArray[np.intp]) -> TypeGroup:
-        """Return what copies numbers from these positions of the memory to targets in a vector."""
+    def make_copy_group(self, slots: NDArray[np.intp], targets: NDArray[np.intp]) -> TypeGroup:
+        """Return a group that copies numbers from these positions of the memory to targets in a vector."""
         return TypeGroup(
             call="",
             elements=targets,
@@ -151,7 +151,10 @@ class EventTables:
         )
 
     def set_by_hand(self, setters: Sequence[tuple[ModelVariable, Callable[[], int]]]) -> None:
-        """Set these variables with functions that return a status, whenever a clock of theirs ticks."""
+        """Let these functions set their variables whenever a clock of theirs ticks; they return a status.
+
+        They replace those of earlier calls, also of `hold_inputs`.
+        """
         del self._clock_list[self._list_size :]
         calls = np.zeros(len(setters), CLOCKED_CALL)
         functions = [_FMI_FUNCTION(lambda *_, do=do: do()) for _, do in setters]
@@ -162,6 +165,7 @@ class EventTables:
         self._use_by_hand(calls, functions)
 
     def _use_by_hand(self, calls: NDArray[Any], owners: Sequence[Any]) -> None:
+        """Let the stepper do these calls at ticks instead of earlier ones; `owners` must not be freed."""
         clock_list = np.array(self._clock_list, dtype=np.int32)
         self._by_hand = calls, clock_list, owners  # which C knows by address only
         self.record.hand_setters, self.record.hand_setter_count = calls.ctypes.data, len(calls)
@@ -193,7 +197,7 @@ class EventTables:
         return self._get_name(self._references[clock])
 
     def describe_needed(self, clock: int) -> str:
-        """Return the names of the clocks with one of which a clock can tick only."""
+        """Return the names of the clocks of which one must tick whenever this clock ticks."""
         return " or ".join(self._get_name(c) for c in sorted(self._needed[self._references[clock]]))
 
     def _get_name(self, reference: int) -> str:
@@ -220,6 +224,7 @@ class EventTables:
         return first, len(references)
 
     def _fill_memory(self, clocks: int) -> None:
+        """Make the memory, for this number of clocks that tick at times, and fill in its addresses."""
         record, sizes = self.record, (len(self.discrete), TICKS_SIZE * clocks, len(self._clocked))
         first, self._first_value, self.first_count = (int(n) for n in FIRST_PASSED + np.cumsum(sizes))
         self._state_positions = {v.name: i for i, v in enumerate(self._clocked, self._first_value)}
@@ -235,6 +240,7 @@ class EventTables:
     def _fill_clocks(
         self, inputs: Sequence[ModelVariable], clocks: Sequence[InputClock], outputs: int
     ) -> None:
+        """Fill in the functions, the clocks, and on which others they depend."""
         record, addresses = self.record, [self._access.addresses[name] for name in FUNCTIONS]
         record.functions[:], record.codes[:] = addresses, [self._access.codes[name] for name in FUNCTIONS]
         record.clocks = self._keep(np.array(self._references, dtype=np.uint32))
@@ -258,6 +264,7 @@ class EventTables:
         record.triggered_count = len(triggered)
 
     def _fill_calls(self, inputs: Sequence[ModelVariable], waiting: list[int]) -> None:
+        """Fill in the calls that set and get values; `waiting` are the positions of clocked inputs."""
         record = self.record
         record.discrete = self._keep(self.discrete.astype(np.int32))
         record.discrete_count = len(self.discrete)

@@ -63,7 +63,7 @@ class PythonExceptionError(InstanceError):
     Args:
         instance: Name of the instance; several names if the culprit is unknown.
         call: The FMI function, or the interval of time.
-        left: The exception in one line.
+        exception: The exception in one line.
         log: Messages of the instance.
         remedy: A message on what to do besides reporting it to the exporter.
     """
@@ -107,7 +107,7 @@ class EntryPoints:
     With `step_end` they are functions of FMI 3.0, and an array has one value reference.
 
     Attributes:
-        step_end: takes what a step of FMI 3.0 says.
+        step_end: memory for what a step of FMI 3.0 returns besides its status.
         setters: calls that set `inputs`; None if one call for doubles does.
         getters: calls that get `outputs`, likewise.
         get_status: `fmi2GetBooleanStatus`; 0 without it.
@@ -309,5 +309,5 @@ class FmuInstance(ABC):
         return None
 
     def error(self, call: str, status: int) -> RunError:
-        """Return the error of an FMI call that the stepper made."""
+        """Return the error for an FMI call that the stepper made, with the status that it returned."""
         return InstanceError(self.name, call, f"status {status}", [])

@@ -149,7 +149,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return [(self.file.variables[name], value) for name, value in self.file.interface.structure.items()]
 
     def _prepare_events(self) -> None:
-        """Make what the events of the FMU need, after its instantiation."""
+        """Make what the events of the FMU need, after its instantiation; nothing without event mode."""
 
     @property
     def _setters(self) -> Sequence[TypedValues]:
@@ -163,7 +163,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     @contextlib.contextmanager
     def _report_failed_start(self) -> Iterator[None]:
-        """Convert any exception to CommandError, because fmpy raises bare ones."""
+        """Convert any exception to CommandError, or to PythonExceptionError if the FMU left one of Python."""
         try:
             yield
         except PythonExceptionError:
@@ -247,11 +247,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if self.file.is_ours:
             super().reset()
         else:
-            self._replace()
+            self._instantiate_again()
         self._stepping, self._no_way_back = False, 1
         self.inputs[:] = self.input_starts
 
-    def _replace(self) -> None:
+    def _instantiate_again(self) -> None:
         """Free the FMU's instance and make a new one."""
         # an FMU that refuses to terminate is freed all the same
         with contextlib.suppress(FMICallException):
@@ -269,7 +269,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self.begin_initialization(start_time, stop_time, self.tolerance, self._set_start_values)
 
     def exit_initialization(self) -> None:
-        """Leave initialization mode, and find the start values that the FMU changed."""
+        """Leave initialization mode, and find the start values that the FMU changed.
+
+        Raises:
+            RunError: A structural parameter has another value than was set.
+        """
         super().exit_initialization()
         self._stepping = True
         for variable, value in self.configuration:
@@ -300,14 +304,14 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if self._typed is not None:
             self._set_typed_inputs(self._typed[0])
         else:
-            self._check("setReal", self._set_real(*self._set_arguments))
+            self._check_status("setReal", self._set_real(*self._set_arguments))
 
     def _set_typed_inputs(self, setter: TypedValues) -> None:
         try:
             status = setter.set(self._component, self.inputs)
         except ValueRangeError as error:
             raise self._make_range_error(error) from error
-        self._check(SETTING, status)
+        self._check_status(SETTING, status)
 
     def _make_range_error(self, error: ValueRangeError) -> RunError:
         return RunError(f"{self.name} got a value that it cannot accept: its input {error}.")
@@ -325,9 +329,9 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if not len(self.outputs):
             return
         if self._typed is not None:
-            self._check(GETTING, self._typed[1].get(self._component, self.outputs))
+            self._check_status(GETTING, self._typed[1].get(self._component, self.outputs))
         else:
-            self._check("getReal", self._get_real(*self._get_arguments))
+            self._check_status("getReal", self._get_real(*self._get_arguments))
 
     def observe(self, names: Sequence[str], values: Vector) -> None:
         """Choose the numeric variables that `get_observed` reads, and where to."""
@@ -337,7 +341,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def get_observed(self) -> None:
         """Read the observed variables."""
         typed, values = self._observed
-        self._check(RECORDING, typed.get(self._component, values))
+        self._check_status(RECORDING, typed.get(self._component, values))
 
     def observed_groups(self) -> Sequence[GroupCall]:
         """Return what the stepper needs to read the observed variables."""
@@ -398,7 +402,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._free_state(state)
 
     def serialize(self) -> bytes:
-        """Return the FMU's state as bytes."""
+        """Return the FMU's state as bytes; InstanceError if they are more than `LARGEST_STATE`."""
         state, size = self._copy_state(ctypes.c_void_p()), ctypes.c_size_t()
         try:
             with self.calling():
@@ -470,7 +474,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._present.code = 0
 
     def python_error(self, function: str, error: Exception) -> PythonExceptionError:
-        """Return the error for a call that left an exception of Python."""
+        """Return the error for a call that left an exception of Python; the FMU is not terminated then."""
         self._present.code = 0
         call = plain_name(function)
         if not (function == _LOADING or call.startswith("instantiate")):
@@ -488,7 +492,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return f" {'after' if self._stepping and call != 'doStep' else 'at'} t = {time:.9g} s"
 
     def error(self, call: str, status: int) -> RunError:
-        """Return the error for a call that returned this status."""
+        """Return the error for a call that returned this status; after fmi2Fatal the FMU is unusable."""
         if self._setters:
             call = _TYPED_CALLS.get(call, call)
         if call == SETTING and status == OUT_OF_RANGE:
@@ -523,7 +527,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return EndRequestedError if requests_end else DiscardedStepError
 
     def _read_last_successful_time(self) -> float:
-        """Return the time in s that a discarded step has reached; NaN if the FMU does not know it."""
+        """Return the time in s that a discarded step has reached; NaN if it is not known, as in FMI 3.0."""
         return math.nan if self._library.is_version_3 else self.last_successful_time()
 
     def messages(self) -> list[str]:
@@ -531,6 +535,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return self._log.last(self.name)
 
     def _copy_state(self, state: Any) -> Any:
+        """Save the FMU's state in the memory of `state`, and return it."""
         self._call("getFMUstate", ctypes.byref(state))
         return state
 
@@ -568,9 +573,10 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         return [GroupCall(self._library.addresses.get(group.call, 0), group) for group in groups]
 
     def _call(self, name: str, *arguments: Any) -> None:
-        self._check(name, self._functions[name](self._component, *arguments))
+        self._check_status(name, self._functions[name](self._component, *arguments))
 
-    def _check(self, call: str, status: int) -> None:
+    def _check_status(self, call: str, status: int) -> None:
+        """Raise the error of a call unless its status is a success."""
         if status not in FINE:
             raise self.error(call, status)
 

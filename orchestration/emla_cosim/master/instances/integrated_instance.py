@@ -64,7 +64,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
             self._check_count("getNumberOfEventIndicators", self.indicator_count)
 
     def _check_count(self, call: str, declared: int) -> None:
-        """Raise InstanceError if the FMU has another number of values than it declares."""
+        """Raise InstanceError if `call` returns another number of values than is declared."""
         with self.calling():
             count = getattr(self.fmu, call)()
         if count != declared:
@@ -82,7 +82,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
         typed = TypedValues("get", variables, self._functions)
 
         def read() -> None:
-            self._check("getReal", typed.get(self._component, values))
+            self._check_status("getReal", typed.get(self._component, values))
 
         return read
 
@@ -98,8 +98,8 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
 
         def write() -> None:
             for group, get in zip(typed.groups, getters, strict=True):
-                self._check("getReal", get(self._component, *group.arguments))
-            self._check("setReal", typed.set(self._component, values))
+                self._check_status("getReal", get(self._component, *group.arguments))
+            self._check_status("setReal", typed.set(self._component, values))
 
         return write
 
@@ -345,6 +345,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         return np.concatenate([[self._time], [m.next_event for m in self.members], *self._list_arrays()])
 
     def _unpack_numbers(self, numbers: Vector) -> None:
+        """Restore what `_pack_numbers` returned, and let the integrator start anew."""
         count = 1 + len(self.members)
         self._time, events, rest = float(numbers[0]), numbers[1:count], numbers[count:]
         for member, time in zip(self.members, events, strict=True):

@@ -46,7 +46,7 @@ class IsolatedProcess:
         self._measured: MeasuredCalls | None = None
 
     def do(self, request: Request) -> Any:
-        """Set inputs and slopes, then do the call and return its result."""
+        """Set inputs and slopes, then call the method of this name and return its result."""
         if request.inputs is not None:
             self._stepped.inputs[:] = np.frombuffer(request.inputs)
             self._stepped.set_inputs()
@@ -88,7 +88,7 @@ class IsolatedProcess:
         return self._instance.value(self._instance.file.variables[name])
 
     def outputs(self) -> bytes:
-        """Read all outputs."""
+        """Read all outputs, and return them as bytes."""
         self._stepped.get_outputs()
         return self._stepped.outputs.tobytes()
 
@@ -98,7 +98,7 @@ class IsolatedProcess:
         self._instance.observe(names, self._observed)
 
     def observed(self) -> bytes:
-        """Read the observed variables."""
+        """Read the observed variables, and return them as bytes."""
         self._instance.get_observed()
         return self._observed.tobytes()
 
@@ -354,6 +354,7 @@ class IsolatedInstance(DescribedInstance):
         return self._receive(timeout, _FMI_CALLS.get(call, ""))
 
     def _request(self, call: str, arguments: tuple[Any, ...]) -> None:
+        """Send a call with the pending inputs and slopes; `_receive` waits for the answer."""
         if self.is_under_way:  # an interrupted step: wait for its end and discard the result
             with contextlib.suppress(InstanceError):
                 self.end_step()
@@ -385,7 +386,7 @@ class IsolatedInstance(DescribedInstance):
             raise self._make_ended_error("interrupted") from error
         except BaseException:  # a late answer must not count as that of the next request
             self._process.kill()
-            self._make_ended_error("left")
+            self._make_ended_error("its answer was not awaited")
             raise
         finally:
             self._present.code = 0

@@ -78,7 +78,7 @@ class Effort:
 class MeasuredCalls:
     """The calls of an instance through its methods, measured until `close`.
 
-    In another process it is the time that this process waits; see `IsolatedInstance.effort`.
+    In another process it is the time that this process waits; see `IsolatedInstance.read_effort`.
     """
 
     def __init__(self, instance: FmuInstance) -> None:
@@ -88,19 +88,20 @@ class MeasuredCalls:
         unmeasured = {"set_inputs"} if not len(instance.inputs) else set[str]()
         unmeasured |= {"get_outputs"} if not len(instance.outputs) else set()
         if instance.steps_apart:  # its `do_step` consists of these two
-            self._measure("begin_step", STEPS)
+            self._replace_method("begin_step", STEPS)
             # a step is one call
-            self._measure("end_step", STEPS, counts=False)
+            self._replace_method("end_step", STEPS, counts=False)
             unmeasured |= {"do_step"}
         elif not instance.observed_groups():
             unmeasured |= {"get_observed"}
         for method, name in _METHODS.items():
             if method not in unmeasured:
-                self._measure(method, name)
+                self._replace_method(method, name)
 
-    def _measure(self, method: str, name: str, counts: bool = True) -> None:
+    def _replace_method(self, method: str, name: str, counts: bool = True) -> None:
+        """Replace a method of the instance by one that is measured under a name of `KINDS`."""
         calls = self._calls.setdefault(name, Calls())
-        vars(self._instance)[method] = _measure(getattr(self._instance, method), calls, int(counts))
+        vars(self._instance)[method] = _count_calls(getattr(self._instance, method), calls, int(counts))
         self._methods.append(method)
 
     def restart(self) -> None:
@@ -120,8 +121,8 @@ class MeasuredCalls:
         self._methods.clear()
 
 
-def _measure(call: Callable[..., Any], calls: Calls, count: int) -> Callable[..., Any]:
-    """Return a function that adds its calls and their time to `calls`."""
+def _count_calls(call: Callable[..., Any], calls: Calls, count: int) -> Callable[..., Any]:
+    """Return a function that does `call`, and adds `count` and the time to `calls`."""
     clock = time.perf_counter
 
     def measured(*arguments: Any) -> Any:
@@ -151,7 +152,7 @@ def measure_own_cost(calls: int = 2000, rounds: int = 5) -> OwnCost:
     inner, totals, plain = [], [], []
     for _ in range(rounds):
         counted = Calls()
-        totals.append(repeat(_measure(do_nothing, counted, 1)))
+        totals.append(repeat(_count_calls(do_nothing, counted, 1)))
         plain.append(repeat(do_nothing))
         inner.append(counted.seconds / calls - plain[-1])
     return OwnCost(max(min(inner), 0.0), max(min(totals) - min(plain) - min(inner), 0.0))

@@ -60,26 +60,26 @@ class PythonCalls:
 
         return EntryPoints(
             component=0,
-            set_real=self.address(_Values, lambda *_: instance.set_inputs()),
-            get_real=self.address(_Values, lambda *_: instance.get_outputs()),
-            do_step=self.address(_Step, begin if splits else step),
-            end_step=self.address(_Wait, lambda _: instance.end_step()) if splits else 0,
-            set_real_input_derivatives=self.address(_Slopes, set_slopes),
-            get_state=self.address(_Save, save),
-            set_state=self.address(_Restore, lambda _, number: instance.restore(self._states[number])),
+            set_real=self.make_function(_Values, lambda *_: instance.set_inputs()),
+            get_real=self.make_function(_Values, lambda *_: instance.get_outputs()),
+            do_step=self.make_function(_Step, begin if splits else step),
+            end_step=self.make_function(_Wait, lambda _: instance.end_step()) if splits else 0,
+            set_real_input_derivatives=self.make_function(_Slopes, set_slopes),
+            get_state=self.make_function(_Save, save),
+            set_state=self.make_function(_Restore, lambda _, number: instance.restore(self._states[number])),
             input_references=_NOTHING,
             output_references=_NOTHING,
             derivative_orders=_NOTHING.astype(np.int32),
             calls=self,
         )
 
-    def step(self, call: Callable[[], Any]) -> int:
+    def make_step(self, call: Callable[[], Any]) -> int:
         """Return the address of a `do_step` that calls this function."""
-        return self.address(_Step, lambda *_: call())
+        return self.make_function(_Step, lambda *_: call())
 
-    def getter(self, call: Callable[[], Any]) -> int:
+    def make_getter(self, call: Callable[[], Any]) -> int:
         """Return the address of a `get_real` that calls this function."""
-        return self.address(_Values, lambda *_: call())
+        return self.make_function(_Values, lambda *_: call())
 
     def close(self, instance: FmuInstance) -> None:
         """Free the saved states; never raises."""
@@ -87,7 +87,7 @@ class PythonCalls:
             instance.forget(state)
         self._states.clear()
 
-    def address(self, kind: Any, call: Callable[..., None]) -> int:
+    def make_function(self, kind: Any, call: Callable[..., None]) -> int:
         """Return the address of a C function that returns a status, and keeps what `call` raises."""
 
         def checked(*arguments: Any) -> int:

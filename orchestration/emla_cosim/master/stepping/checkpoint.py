@@ -88,7 +88,7 @@ def check_checkpoint(path: Path, overwrite: bool, folder: Path = CURRENT_FOLDER)
 
 
 def prepare_checkpoint(path: Path, network: Network, folder: Path, overwrite: bool = False) -> OutputFile:
-    """Return the file of a checkpoint whose path is relative to `folder`.
+    """Return the file of a checkpoint, relative to `folder`, and let the instances step so that it is exact.
 
     Raises:
         CommandError: An instance cannot serialize its state, or the file cannot be written; see
@@ -131,12 +131,16 @@ def save_checkpoint(file: OutputFile, stepping: Stepping, notes: Mapping[str, An
 
 
 def load_checkpoint(path: Path, folder: Path = CURRENT_FOLDER) -> Checkpoint:
-    """Read a checkpoint whose path is relative to `folder`; CommandError if it is not a checkpoint."""
+    """Read a checkpoint whose path is relative to `folder`.
+
+    Raises:
+        CommandError: It is not a checkpoint, is damaged, or has the format of another version.
+    """
     file_path = folder / path
     if not file_path.is_file():
         raise CommandError(f"there is no checkpoint '{path}'.")
     try:
-        header, arrays = _read(file_path)
+        header, arrays = _read_archive(file_path)
         version, notes, names = header["format"], header["notes"], sorted(header["arrays"])
     except Exception as error:  # zip, JSON and array readers raise errors of many types
         raise CommandError(f"'{path}' is not a checkpoint, or is damaged: {error}.") from error
@@ -158,7 +162,7 @@ def _is_checkpoint(path: Path) -> bool:
         return False
 
 
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, Vector]]:
+def _read_archive(path: Path) -> tuple[dict[str, Any], dict[str, Vector]]:
     """Read the header and the arrays of a file; ValueError if its checksums are wrong."""
     with zipfile.ZipFile(path) as archive:
         if (damaged := archive.testzip()) is not None:

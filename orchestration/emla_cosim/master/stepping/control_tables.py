@@ -135,7 +135,7 @@ def find_controlled_signals(algorithm: Algorithm) -> tuple[Any, int]:
 
 
 def _depend_on_late_inputs(algorithm: Algorithm, is_unread: Any) -> Any:
-    """Return whether each signal depends directly on an input of another time, perhaps through others.
+    """Return which signals depend directly on an input of another time, perhaps through others: booleans.
 
     For unread outputs the dependencies are not declared; all outputs of instances with such inputs count.
     """

@@ -93,7 +93,9 @@ class ErrorControl(Stepping):
         if sampled:
             self._tables.control_error(algorithm.accuracy, per_unit=False)
         else:
-            self.loop.tighten(SHORT_STEP_FRACTION * tolerance)  # which steps of this length are allowed
+            self.loop.tighten_coupling_tolerance(
+                SHORT_STEP_FRACTION * tolerance
+            )  # which steps of this length are allowed
         self._events = _list_event_points(events, times)
         self._output = None if interval is None else make_clock(times.start, interval)
         self._end = _find_last_point(times, interval)
@@ -161,7 +163,7 @@ class ErrorControl(Stepping):
         return self.algorithm.scale.relative(self._tables.total, self._tables.signals["signal"])
 
     def notes(self) -> list[str]:
-        """Say before the run if the tolerance may not bound the error of the run."""
+        """Return a note if the tolerance may not bound the error of the run."""
         if self._sampled:
             return ["a component samples: the error tolerance bounds the error of a step, not of the run"]
         if self.algorithm.accuracy == 1:
@@ -206,13 +208,13 @@ class ErrorControl(Stepping):
         return super().state_dict() | self._tables.state_dict() | {"control/points": points}
 
     def load_state_dict(self, state: Mapping[str, Vector]) -> None:
-        """Restore the state from `state` of an error control with the same algorithm."""
+        """Restore what `state_dict` of an error control with the same algorithm returned."""
         super().load_state_dict(state)
         self._output_points = int(state["control/points"][0])
         self._tables.load_state_dict(state)
 
     def close(self) -> None:
-        """Free the saved states."""
+        """Free the saved states, and what the stepping holds."""
         self._states.free(self.algorithm.network.instances)
         super().close()
 
@@ -230,6 +232,7 @@ class ErrorControl(Stepping):
         return next_row, True, event == next_row
 
     def _make_too_short_error(self) -> RunError:
+        """Return the error of a step that is too short: a signal is not finite, or the error too large."""
         control = self.control
         failure = self.algorithm.network.find_nonfinite_signal(control.end)
         text = (

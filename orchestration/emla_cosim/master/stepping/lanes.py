@@ -153,7 +153,7 @@ class LaneChoice:
         self._steps, self._seconds, self._size = 0, 0.0, 1
 
     def report(self) -> dict[str, Any]:
-        """Return the number of threads and the measurements as plain data for run.json; times in us."""
+        """Return the number of threads, why it is one, and the measurements for run.json; times in us."""
         return {"threads": self._loop.threads, **self._report}
 
     def next(self, count: int) -> int:
@@ -179,7 +179,7 @@ class LaneChoice:
     def _use_requested_threads(self) -> _ThreadPolicy:
         """Measure the costs, then use the requested number of threads."""
         yield 0.0, 1  # the profiler, if there is one, has started then; and the first step takes longer
-        self._share(self._schedule((yield from self._measure_costs()), self._most))
+        self._use_schedule(self._make_schedule((yield from self._measure_costs()), self._most))
 
     def _use_threads_if_faster(self) -> _ThreadPolicy:
         """Use threads while they are faster; compare again from time to time."""
@@ -189,8 +189,8 @@ class LaneChoice:
             schedule = self._find_schedule((yield from self._measure_costs()))
             try:
                 if schedule is not None:
-                    self._share(schedule)
-                    yield from self._use_faster()
+                    self._use_schedule(schedule)
+                    yield from self._compare_with_one_thread()
             except RunError as error:  # one thread will do: the user did not request more
                 self._report["why_one_thread"] = str(error)
                 return
@@ -217,16 +217,16 @@ class LaneChoice:
             return None
         best, length = None, total
         for count in range(2, self._most + 1):
-            schedule = self._schedule(costs, count)
+            schedule = self._make_schedule(costs, count)
             if schedule.length > BETTER * length:
                 break
             best, length = schedule, schedule.length
         return best if total - length >= WORTH else None
 
-    def _schedule(self, costs: Sequence[float], count: int) -> ThreadSchedule:
+    def _make_schedule(self, costs: Sequence[float], count: int) -> ThreadSchedule:
         return schedule_tasks(self._loop.tasks, costs, count, self._loop.first_lane_only)
 
-    def _share(self, schedule: ThreadSchedule) -> None:
+    def _use_schedule(self, schedule: ThreadSchedule) -> None:
         tasks, instances = self._loop.tasks, self._algorithm.network.instances
         self._loop.share_out(schedule.lanes)
         members = [
@@ -234,8 +234,8 @@ class LaneChoice:
         ]
         self._report["lanes"] = [[instances[i].name for i in lane] for lane in members]
 
-    def _use_faster(self) -> _ThreadPolicy:
-        """Do steps in several threads and in one by turns, and continue in the faster way."""
+    def _compare_with_one_thread(self) -> _ThreadPolicy:
+        """Do steps in several threads and in one by turns, and choose the faster way."""
         measured: dict[bool, list[float]] = {True: [], False: []}
         for is_shared in (True, False) * 2:
             self._loop.is_shared = is_shared

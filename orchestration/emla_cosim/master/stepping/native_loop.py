@@ -58,7 +58,7 @@ class NativeLoop:
 
     Attributes:
         is_shared: Whether `run` uses all threads, after `share_out` among several.
-        seconds_beside: Wall time in s that further threads took for steps.
+        extra_thread_seconds: Wall time in s that further threads took for steps.
         divisions: Steps that instances discarded and did in parts, as DIVISION records, shape (instances,).
     """
 
@@ -116,7 +116,7 @@ class NativeLoop:
         algorithm.steps += stepper.reached - first
         return int(stepper.recorded), self._make_error(failure, clock.point(stepper.reached + 1))
 
-    def tighten(self, tolerance: float) -> None:
+    def tighten_coupling_tolerance(self, tolerance: float) -> None:
         """Let values that loops exchange agree to at least this fraction of each signal's size."""
         self._stepper.coupling_tolerance = min(self._stepper.coupling_tolerance, tolerance)
 
@@ -148,7 +148,7 @@ class NativeLoop:
         stepper.clock[:] = clock
         halves, states = Halves(), None
         if program is not None:
-            states = self._use_halves(program, halves)
+            states = self._set_up_halved_steps(program, halves)
             run = partial(self._library.run_halves, ctypes.addressof(stepper), ctypes.addressof(halves))
         else:
             run = partial(self._library.run, ctypes.addressof(stepper))
@@ -170,7 +170,7 @@ class NativeLoop:
             self.measure(efforts)
             ctypes.memmove(ctypes.addressof(stepper), ctypes.addressof(saved_stepper), ctypes.sizeof(Stepper))
 
-    def _use_halves(self, program: HalvedProgram, halves: Halves) -> SavedStates:
+    def _set_up_halved_steps(self, program: HalvedProgram, halves: Halves) -> SavedStates:
         """Fill in how steps are done in halves, and return the places of states, which the caller frees."""
         stepper, network, states = self._stepper, self._algorithm.network, self.make_states()
         buffer = np.zeros(2 * (len(network.signals) + len(network.instances)))
@@ -339,7 +339,7 @@ class NativeLoop:
         self._tables.inputs["offset"][index] = network.offsets[i][j] + offset
 
     @property
-    def failed(self) -> int:
+    def failed_instance(self) -> int:
         """Position of the instance whose call failed last."""
         return int(self._stepper.instance)
 
@@ -366,13 +366,13 @@ class NativeLoop:
         """Return the error of a run whose last step ends at `end` s, or raise any other exception."""
         if failure in _NORMAL_ENDS:
             return None
-        error = self._find_python_error(failure) or self._describe_failure(failure, end)
+        error = self._find_python_error(failure) or self._make_failure_error(failure, end)
         if error is not None and not isinstance(error, RunError):
             raise error
         return error
 
     def _find_python_error(self, failure: Failure) -> BaseException | None:
-        """Return what a call in Python has raised; the first by the order of the program, if several did."""
+        """Wait for steps under way, and return the first exception in the order of the program, or None."""
         failed, instances = self._stepper.instance, self._algorithm.network.instances
         error, first_order = None, math.inf
         if failure == Failure.STEP and failed == len(instances):
@@ -392,7 +392,8 @@ class NativeLoop:
                     error, first_order = step_error, call_order
         return error
 
-    def _describe_failure(self, failure: Failure, end: float) -> RunError | None:
+    def _make_failure_error(self, failure: Failure, end: float) -> RunError | None:
+        """Return the error of a failed call, of a signal that is not finite, or of a loop."""
         stepper, network = self._stepper, self._algorithm.network
         if failure == Failure.NOT_FINITE:
             return network.find_nonfinite_signal(end)

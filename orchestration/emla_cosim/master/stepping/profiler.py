@@ -42,17 +42,17 @@ class Profiler:
         for instance in self._isolated:
             instance.measure()
 
-    def _replace(self, owner: Any, method: str, function: Callable[..., Any]) -> None:
+    def _replace_method(self, owner: Any, method: str, function: Callable[..., Any]) -> None:
         vars(owner)[method] = function
         self._replaced.append((owner, method))
 
-    def watch(self, name: str, owner: Any, *methods: str) -> None:
+    def measure_methods(self, name: str, owner: Any, *methods: str) -> None:
         """Measure methods of an object as an activity, without what other activities take within them."""
         self._activities.setdefault(name, 0.0)
         for method in methods:
-            self._replace(owner, method, self._watch(name, getattr(owner, method)))
+            self._replace_method(owner, method, self._make_measured(name, getattr(owner, method)))
 
-    def _watch(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+    def _make_measured(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
         def watched(*arguments: Any) -> Any:
             outer, self._inner = self._inner, 0.0
             start_time = time.perf_counter()

@@ -47,8 +47,8 @@ class StepDivision:
         if self._is_possible:
             loop.allow_way_back()
 
-    def save(self) -> None:
-        """Save the present state if the last one is old."""
+    def save_if_due(self) -> None:
+        """Save the present state if the last one is old; if an FMU fails in it, steps are not divided."""
         if not self._is_possible or (now := time.perf_counter()) < self._due:
             return
         try:
@@ -61,8 +61,8 @@ class StepDivision:
         # so that saving takes at most a hundredth of the run
         self._due = saved + max(INTERVAL, (saved - now) / SHARE)
 
-    def forget(self) -> None:
-        """Save a new state before the next step: something other than a step changes the system."""
+    def require_new_state(self) -> None:
+        """Let `save_if_due` save before the next step: something other than a step changes the system."""
         self._due = 0.0
 
     def divide(self, failure: DiscardedStepError, row: tuple[int, Vector] | None) -> None:
@@ -76,19 +76,21 @@ class StepDivision:
             DiscardedStepError: The step cannot be done in parts; with the reason and what would help.
             RunError: The way back failed.
         """
-        i, step = self._loop.failed, self._algorithm.steps
+        i, step = self._loop.failed_instance, self._algorithm.steps
         if i in self._divided:
             if self._first_failure is not None and self._first_failure[0] == step:
                 failure = self._first_failure[1]
-            raise _extend(failure, f"Parts of {self._loop.failed_length:.3g} s are discarded, too.")
+            raise _append_to_message(
+                failure, f"Parts of {self._loop.failed_length:.3g} s are discarded, too."
+            )
         reason = self._find_obstacle(i)
         if not reason and self._loop.divide_steps(i):
             self._divided.add(i)
             self._first_failure = step, failure
-            reason = self._repeat(row)
+            reason = self._repeat_steps(row)
             if not reason:
                 return
-        raise _extend(failure, f"{reason} Set a smaller --step-size.".strip())
+        raise _append_to_message(failure, f"{reason} Set a smaller --step-size.".strip())
 
     def _find_obstacle(self, i: int) -> str:
         """Return why instance i cannot do a step in parts; empty if it can."""
@@ -102,7 +104,7 @@ class StepDivision:
             )
         return "" if self._is_possible else "The step cannot be repeated in parts: a state cannot be saved."
 
-    def _repeat(self, row: tuple[int, Vector] | None) -> str:
+    def _repeat_steps(self, row: tuple[int, Vector] | None) -> str:
         """Repeat the steps since the saved state. Return why this failed; empty if the state is as before."""
         steps, network = self._algorithm.steps, self._algorithm.network
         self._snapshot.restore()
@@ -126,7 +128,7 @@ class StepDivision:
                 raise failure
 
     def report(self) -> dict[str, Any]:
-        """Return which instances did steps in parts, for run.json; empty without any."""
+        """Return how many steps each instance did in parts, and the shortest part, for run.json."""
         counts = {
             name: {"steps": int(steps), "shortest_part_s": float(shortest)}
             for name, steps, shortest in self._list_divisions()
@@ -142,6 +144,7 @@ class StepDivision:
         ]
 
     def _list_divisions(self) -> list[tuple[str, int, float]]:
+        """Return name, number of divided steps, and shortest part in s, of instances that divided steps."""
         instances, divisions = self._algorithm.network.instances, self._loop.divisions
         return [
             (instance.name, steps, shortest)
@@ -155,7 +158,7 @@ class StepDivision:
         return {"divisions": np.array([divisions["steps"], divisions["shortest"]], dtype=float)}
 
     def load_state_dict(self, state: Mapping[str, Vector]) -> None:
-        """Continue from `state` of a division with the same algorithm."""
+        """Continue from what `state_dict` of a division with the same algorithm returned."""
         self._loop.divisions["steps"], self._loop.divisions["shortest"] = state["divisions"]
 
     def close(self) -> None:
@@ -163,8 +166,8 @@ class StepDivision:
         self._snapshot.close()
 
 
-def _extend(failure: DiscardedStepError, text: str) -> DiscardedStepError:
-    """Return the error with a text at the end of its message."""
+def _append_to_message(failure: DiscardedStepError, text: str) -> DiscardedStepError:
+    """Add a text to the message of an error, and return the error."""
     message = str(failure)
     failure.args = (f"{message}{'' if message.endswith(('.', '!', '?')) else '.'} {text}",)
     return failure

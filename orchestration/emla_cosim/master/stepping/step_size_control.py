@@ -79,12 +79,14 @@ class FixedSteps(Stepping):
     def repeat_step(self, i: int, j: int, offset: float) -> None:
         """Do one step without recording it, with an offset to input j of instance i in its unit.
 
+        Restore the state yourself to repeat it.
+
         Raises:
             RunError: The step failed.
         """
         network, first = self.algorithm.network, self.algorithm.steps
         no_rows = np.empty((0, 1 + len(network.signals) + len(network.observer.values)))
-        self._division.forget()
+        self._division.require_new_state()
         self.loop.offset_input(i, j, offset)
         try:
             _, failure = self.loop.run(first, 1, self.times.clock, first + 2, no_rows)
@@ -111,18 +113,18 @@ class FixedSteps(Stepping):
         return super().state_dict() | self._division.state_dict()
 
     def load_state_dict(self, state: Mapping[str, Vector]) -> None:
-        """Restore the state from `state` of fixed steps with the same algorithm."""
+        """Restore what `state_dict` of fixed steps with the same algorithm returned."""
         super().load_state_dict(state)
         self._division.load_state_dict(state)
 
     def note_change(self) -> None:
         """Record that something other than a step changes the system: earlier steps cannot be repeated."""
-        self._division.forget()
+        self._division.require_new_state()
         if self.estimate is not None:
             self.estimate.note_change()
 
     def close(self) -> None:
-        """Free the saved states."""
+        """Free the saved states, and what the stepping holds."""
         if self.estimate is not None:
             self.estimate.close()
         self._division.close()
@@ -134,8 +136,9 @@ class FixedSteps(Stepping):
         return min(self.times.steps, math.floor(ahead + ROUNDING))
 
     def _advance(self, rows: RowSink, last: int) -> None:
+        """Do steps up to `last`, or fewer: if there is no room for rows, a text is due, or a step fails."""
         first, stride, observer = self.algorithm.steps, rows.steps_per_row, self.algorithm.network.observer
-        self._division.save()
+        self._division.save_if_due()
         if observer.strings:  # C cannot read texts
             last = min(last, observer.find_next_due(first))
         if self.estimate is not None:
@@ -207,7 +210,7 @@ class StepSizeControl(ABC):
 
     @abstractmethod
     def make_stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:
-        """Return what does the steps of a run.
+        """Return the stepping of a run.
 
         Args:
             algorithm: algorithm after its `setup`.

@@ -90,6 +90,7 @@ class StepperTables:
         return int(values.ctypes.data)
 
     def _fill(self) -> None:
+        """Make all records, and fill in the stepper."""
         algorithm, network, stepper = self._algorithm, self._algorithm.network, self.stepper
         history, observer = algorithm.exchange.history, network.observer
         vectors = [network.signals, history.previous, *algorithm.stores.values()]
@@ -204,7 +205,7 @@ class StepperTables:
         if self.passing is None:
             return records
         passing = np.zeros(1, INSTANCE)  # one that only steps
-        passing["do_step"] = self.passing.step(network.pass_opaque_values)
+        passing["do_step"] = self.passing.make_step(network.pass_opaque_values)
         return np.concatenate([records, passing])
 
     def _fill_calls(self, records: Any) -> None:
@@ -279,12 +280,12 @@ class StepperTables:
                 getters += list(self._make_typed_calls(i, points, instance.observed_groups(), part.start))
                 continue
             record = np.zeros((), CALL)
-            record["function"], record["instance"] = points.calls.getter(instance.get_observed), i
+            record["function"], record["instance"] = points.calls.make_getter(instance.get_observed), i
             getters.append(record)
         return np.array(getters, dtype=CALL)
 
     def list_groups(self, groups: Sequence[CoupledGroup]) -> NDArray[Any]:
-        """Return the GROUP records of groups."""
+        """Return the GROUP records of groups, and add a buffer for each to `residuals`."""
         parts = self._algorithm.network.parts
         records = np.zeros(len(groups), GROUP)
         for record, group in zip(records, groups, strict=True):

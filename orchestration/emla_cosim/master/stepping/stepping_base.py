@@ -22,7 +22,7 @@ LONGEST = 1.0
 class RowSink(Protocol):
     """Takes recorded rows: time in s, then all signals, then the observed variables.
 
-    Every `every`-th communication point is recorded.
+    Every `steps_per_row`-th communication point is recorded.
     """
 
     steps_per_row: int
