@@ -80,9 +80,9 @@ def test_clock_without_event_mode_is_refused(build: Any) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "error", "words"),
     [
-        ('intervalDecimal="0.1"', 'intervalDecimal="0"', RunError, "clock tick has the interval 0 s"),
+        ('intervalDecimal="0.1"', 'intervalDecimal="0"', RunError, "with the interval 0 s of its clock tick"),
         ('intervalDecimal="0.1"', 'intervalDecimal="x"', CommandError, "of its clock 'tick' is 'x'"),
-        ('shiftDecimal="0.25"', 'shiftDecimal="-1"', RunError, "clock tick has the shift -1 s"),
+        ('shiftDecimal="0.25"', 'shiftDecimal="-1"', RunError, "with the shift -1 s of its clock tick"),
     ],
 )  # fmt: skip
 def test_invalid_descriptions_are_refused(

@@ -111,12 +111,12 @@ def test_fmu_can_end_the_simulation(build: Any) -> None:
         (
             UNEXPECTED_EVENT,
             {"events": False},
-            "doStep at t = 0 s with it asked for event mode, which is not allowed",
+            "doStep at t = 0 s with a request for event mode, which is not allowed",
         ),
         (
             UNEXPECTED_RETURN,
             {"early": False, "varies": False},
-            "doStep at t = 0 s with it returned early, which is not allowed",
+            "doStep at t = 0 s with an early return, which is not allowed",
         ),
         (NO_TIME, {}, "nextEventTime = NaN"),
         (

@@ -261,7 +261,7 @@ def test_discarded_step_that_cannot_be_divided(tmp_path: Path) -> None:
     assert result.problem.endswith(" (canGetAndSetFMUstate). Set a smaller --step-size.")
 
 
-def test_state_that_is_not_restored_is_noticed(faulty_fmu: Path, tmp_path: Path) -> None:
+def test_state_that_cannot_be_restored_ends_the_run(faulty_fmu: Path, tmp_path: Path) -> None:
     """The run ends rather than continue with wrong values, if an FMU fails to restore its state."""
     system = line_with_a_fault(faulty_fmu, Fault.SET_STATE, 0.0, longest=0.06)
     result = run_system(system, tmp_path)

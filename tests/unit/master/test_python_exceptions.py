@@ -70,7 +70,7 @@ def test_the_loop_reports_the_fmu_and_a_range_of_time(fmu: Path, algorithm: str)
     assert f": {LEFT}. To find the call, run with `--isolate`. {REMEDY}" in str(error)
 
 
-def test_error_control_reports_it(fmu: Path) -> None:
+def test_error_control_reports_the_exception(fmu: Path) -> None:
     error = _run_fmu(fmu, "DoStep", error_tolerance=1e-3)
     assert "Errors left a Python exception in a call between t = " in str(error)
     assert f": {LEFT}. " in str(error)
@@ -84,7 +84,7 @@ def test_failed_call_is_reported_with_its_status(version: int, fmu: Path) -> Non
     assert f"{expected} {REMEDY}" in str(error)
 
 
-def test_exception_that_the_fmu_meets_itself(fmu: Path) -> None:
+def test_message_of_the_fmu_about_an_earlier_exception_gets_a_hint(fmu: Path) -> None:
     message = "SystemError('f returned a result with an exception set')"
     error = _run_fmu(fmu, "DoStep", status=3, message=message)
     assert message in str(error)
@@ -95,7 +95,7 @@ def test_exception_that_the_fmu_meets_itself(fmu: Path) -> None:
 
 
 @pytest.mark.parametrize("function", ["EnterInitializationMode", "ExitInitializationMode", "Get"])
-def test_calls_before_the_first_step(version: int, fmu: Path, function: str) -> None:
+def test_exception_before_the_first_step_is_reported(version: int, fmu: Path, function: str) -> None:
     if function == "Get":
         function += "Real" if version == 2 else "Float64"
     error = _run_fmu(fmu, function, at=0.0)
@@ -104,7 +104,9 @@ def test_calls_before_the_first_step(version: int, fmu: Path, function: str) -> 
 
 
 @pytest.mark.parametrize(("when", "call"), [("LOADS", "loading its library"), ("CREATES", "instantiate")])
-def test_start_of_an_fmu(version: int, when: str, call: str, tmp_path: Path) -> None:
+def test_exception_at_the_start_of_an_fmu_is_reported(
+    version: int, when: str, call: str, tmp_path: Path
+) -> None:
     fmu = build_python_errors_fmu(tmp_path / "Errors.fmu", version, when=when)
     scenario = load(fmu)
     with pytest.raises(RunError, match=f"Errors left a Python exception in {call}.*: {LEFT}") as caught:
@@ -137,7 +139,7 @@ def test_only_fmus_that_use_python_are_named(fmu: Path, tmp_path: Path, threads:
     assert f": {LEFT}. To find the call, run with `--isolate`." in str(error)
 
 
-def test_another_run_after_the_error(fmu: Path) -> None:
+def test_run_after_an_exception_works(fmu: Path) -> None:
     with load(fmu, set={"Errors.function": "DoStep"}).prepare() as simulation:
         for _ in range(2):
             with pytest.raises(RunError, match=LEFT):
@@ -155,7 +157,7 @@ def test_another_run_after_the_error(fmu: Path) -> None:
         ("LOADS", "binaries.loads", "loading {2}/Errors{3}"),
     ],
 )
-def test_verify_reports_it_as_a_finding(
+def test_verify_reports_the_exception_as_a_finding(
     version: int, function: str, check: str, call: str, tmp_path: Path
 ) -> None:
     when = function if function in ("LOADS", "CREATES") else ""

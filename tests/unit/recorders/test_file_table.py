@@ -69,7 +69,7 @@ def numbered(first: int, count: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("fails_at", [1, 5])
-def test_failure_ends_the_table(fails_at: int) -> None:
+def test_failure_is_raised_by_all_later_calls(fails_at: int) -> None:
     table, raised = SlowTable(fails_at), list[int]()
     for n in range(20):
         try:

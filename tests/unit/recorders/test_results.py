@@ -56,7 +56,9 @@ def test_csv_has_every_nth_row_and_the_last_for_any_blocks(
 
 @pytest.mark.parametrize("most", [1, 2, 10])
 @pytest.mark.parametrize("form", [CsvFile, ParquetFile])
-def test_number_of_rows_read_is_bounded(form: type[CsvFile | ParquetFile], most: int, tmp_path: Path) -> None:
+def test_number_of_rows_read_is_at_most_the_requested_one(
+    form: type[CsvFile | ParquetFile], most: int, tmp_path: Path
+) -> None:
     """And at least half as many, if there are: from the run itself, and from its file."""
     for count in (1, most, most + 1, 2 * most - 1, 2 * most, 2 * most + 1, 7 * most + 3):
         table = form(tmp_path / f"r{count}.{form.__name__[:-4].lower()}")

@@ -73,7 +73,7 @@ def test_another_process_finds_all_rows_that_are_not_stored(
     assert table.received == list(range(count))
 
 
-def test_rows_that_are_given_up_do_not_count(tmp_path: Path) -> None:
+def test_rows_that_are_not_committed_do_not_count(tmp_path: Path) -> None:
     """An exception of Python ends compiled code: nothing shows in which of its rows it was left."""
     file = RowFile(tmp_path, 8 * WIDTH * BLOCK * 4)
     buffer = RowBuffer(WIDTH, [], block_rows=BLOCK, map_rows=lambda size: file.memory)

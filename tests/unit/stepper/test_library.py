@@ -96,7 +96,7 @@ EMPTY = {"library.c": b"", "halves.c": b"int y;", "system.c": b"int z;"}
         ("read_native_sources", lambda: {**EMPTY, "library.c": b"int x;"}, "cannot be loaded"),
     ],
 )
-def test_build_and_load_errors(
+def test_build_and_load_errors_are_raised(
     attribute: str, value: object, problem: str, load: Load, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(library, attribute, value)

@@ -50,7 +50,7 @@ SET = {f"{name}.plant.motor.R_s": 0.15 for name in NAMES}
 POSITIONS = [f"{name}.plant.x_L" for name in NAMES]
 
 
-def test_tables_records_and_packages(fmu_folder: Path, tmp_path: Path) -> None:
+def test_tables_records_and_packages_keep_names(fmu_folder: Path, tmp_path: Path) -> None:
     original = scenario(fmu_folder, *NAMES)
     with original.prepare() as simulation:
         result = simulation.run(set=SET)
@@ -83,7 +83,9 @@ def test_tables_records_and_packages(fmu_folder: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", mostly_slow(MATHS, MATHS[:1]))
 @pytest.mark.filterwarnings("error")
-def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pictures_show_names_unchanged(
+    name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     draw_few(monkeypatch)
     drawn: list[Any] = []
     save = emla_cosim.views.folder.save
@@ -102,7 +104,9 @@ def test_pictures(name: str, fmu_folder: Path, tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("name", mostly_slow(PATTERNS, [QUOTED, "--option"]))
-def test_scenario_files_and_the_terminal(name: str, emla: Emla, fmu_folder: Path, tmp_path: Path) -> None:
+def test_scenario_files_and_the_terminal_keep_names(
+    name: str, emla: Emla, fmu_folder: Path, tmp_path: Path
+) -> None:
     scenario(fmu_folder, name).export(tmp_path / "x.ssp")
     key = json.dumps(f"{name}.plant.motor.R_s", ensure_ascii=False)  # as TOML quotes it too
     text = f'system = "x.ssp"\nstop_time = 0.01\nplots = false\n[set]\n{key} = 0.15\n'
@@ -127,7 +131,7 @@ def test_names_with_control_characters_are_refused(name: str, fmu_folder: Path, 
         assert f"{f'{name}.reference'!r} needs another name: one line, without" in str(refused.value)
 
 
-def test_description_that_xml_cannot_contain(fmu_folder: Path, tmp_path: Path) -> None:
+def test_description_that_xml_cannot_contain_is_refused(fmu_folder: Path, tmp_path: Path) -> None:
     odd = replace(scenario(fmu_folder, "lift"), description="rings a bell: \a")
     with pytest.raises(ec.CommandError, match=r"^the description 'rings a bell: \\x07' has a character that"):
         odd.export(tmp_path / "x.ssp")

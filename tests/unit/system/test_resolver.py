@@ -69,7 +69,7 @@ def test_one_fmu_with_data_keeps_its_short_names(tank: Path, tmp_path: Path) -> 
     assert result.plot("level").axes
 
 
-def test_short_names_of_a_sweep(tank: Path) -> None:
+def test_sweep_accepts_short_names(tank: Path) -> None:
     result = ec.sweep(
         tank, {"area": [1.0, 2.0]}, metrics=["top = max(Tank.level)"], signals=["level"], workers=1, **TIMES
     )
@@ -77,7 +77,7 @@ def test_short_names_of_a_sweep(tank: Path) -> None:
     assert result.variants["top"].to_list() == pytest.approx([1.0, 0.5], rel=1e-9)
 
 
-def test_roles_of_one_fmu(tank: Path) -> None:
+def test_roles_accept_short_names(tank: Path) -> None:
     result = run(tank, roles={"j.x_L": "level", "j.x_d": "q"}, signals=["level", "q"])
     assert result.record["settings"]["roles"] == {"j.x_L": "Tank.level", "j.x_d": "Tank.q"}
     assert "j" in result.metrics["joints"]

@@ -35,7 +35,7 @@ from .typed_values import TypedValues, TypeGroup
 _TIMED = DO_STEP, UPDATE, SET_CLOCK, GET_CLOCK
 """Calls that a message names together with their time."""
 
-_REFUSED = {Problem.EARLY_RETURN: "it returned early", Problem.EVENT: "it asked for event mode"}
+_REFUSED = {Problem.EARLY_RETURN: "an early return", Problem.EVENT: "a request for event mode"}
 
 
 def take_problem_error(instance: InProcessInstance, tables: EventTables) -> RunError:
@@ -86,7 +86,7 @@ def describe_answer(problem: Problem, record: Events, tables: EventTables) -> tu
     if problem == Problem.ENDLESS_TICKS:
         return _add_time(GET_CLOCK, record.time), f"a tick of {clock} after each of {record.count} updates"
     quantity = "interval" if problem == Problem.WRONG_INTERVAL else "shift"
-    return "getIntervalDecimal", f"its clock {clock} has the {quantity} {record.value:g} s"
+    return "getIntervalDecimal", f"the {quantity} {record.value:g} s of its clock {clock}"
 
 
 def _add_time(call: str, time: float) -> str:
