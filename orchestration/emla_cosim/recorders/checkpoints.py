@@ -75,7 +75,8 @@ def _describe_difference(path: Path, key: str, was: Any, value: Any) -> str:
     if isinstance(was or value, dict):
         was, value = was or {}, value or {}
         names = [n for n in {**was, **value} if was.get(n) != value.get(n)]
-        return f"the checkpoint '{path}' has other {key}, of {', '.join(names[:5])}."
+        more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+        return f"the checkpoint '{path}' has other {key}, of {', '.join(names[:5])}{more}."
     if isinstance(value, list):
         return f"the checkpoint '{path}' has other {key}."
     return f"the checkpoint '{path}' has the {key} {was}, but this run has {value}."

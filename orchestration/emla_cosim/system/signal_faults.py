@@ -97,7 +97,7 @@ def _list_fault_start_values(fault: Fault) -> dict[str, Value]:
 
 
 def _find_signal(names: Names, fault: Fault) -> NamedVariable:
-    """Return the signal of a fault; raise CommandError if it cannot have one."""
+    """Return the signal of a fault; CommandError if it is not a continuous Real output or input."""
     signal = names.find(fault.signal)
     variable = signal.variable
     if variable.causality not in ("output", "input"):

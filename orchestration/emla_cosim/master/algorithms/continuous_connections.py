@@ -124,7 +124,7 @@ def _is_continuous(network: Network, first: Link, last: Link, sampling: Collecti
 
 
 def _number_loops(paths: Collection[tuple[int, int]]) -> dict[int, int]:
-    """Return the number of the loop by instance: strongly connected components (Kosaraju)."""
+    """Return the number of the loop by instance, without instances outside of loops (Kosaraju)."""
     # by hand, because networkx takes long to import, and every run with a loop needs this
     readers: dict[int, list[int]] = {}
     sources: dict[int, list[int]] = {}

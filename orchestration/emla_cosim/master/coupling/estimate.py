@@ -301,7 +301,7 @@ class CouplingEstimate:
         return reached + np.nan_to_num(rate * onward, nan=0.0, posinf=HUGE)
 
     def _repeat_window(self, begin: int, last: int, allowed: float) -> _Window:
-        """Return the error after a window of steps, whose repetition may take `allowed` seconds."""
+        """Repeat steps from `begin` for about `allowed` seconds, and return the errors in this window."""
         assert self._rows is not None
         available, deadline = len(self._rows.get(begin, 1, last - begin)), self._clock() + allowed
         # the rest of the time is for coarser steps, which look further ahead

@@ -172,7 +172,7 @@ class EventTables:
         self.record.listed = clock_list.ctypes.data
 
     def hold_inputs(self, variables: Sequence[ElementVariable]) -> dict[str, NDArray[Any]]:
-        """Set these variables, whenever a clock of theirs ticks, to what the returned memory has, by name."""
+        """Return memory by name; these variables are set to its values whenever a clock of theirs ticks."""
         del self._clock_list[self._list_size :]
         arrays = {int(v.valueReference): v for v in variables}  # arrays are set as a whole
         calls, values_by_reference = np.zeros(len(arrays), CLOCKED_CALL), dict[int, NDArray[Any]]()

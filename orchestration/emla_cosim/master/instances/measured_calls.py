@@ -76,7 +76,7 @@ class Effort:
 
 
 class MeasuredCalls:
-    """The calls of an instance through its methods, measured until `close`.
+    """The calls of an instance through its methods, which are replaced and measured until `close`.
 
     In another process it is the time that this process waits; see `IsolatedInstance.read_effort`.
     """

@@ -112,7 +112,7 @@ class Stepping(ABC):
         self.loop.close()
 
     def record(self, rows: RowSink, due: bool = True) -> None:
-        """Record the current signals as one row, with observed texts if it is `due`.
+        """Record the current signals and observed values as one row; texts only if it is `due`.
 
         Initialization has read the observed values of the first row, before it set inputs once more.
         """
