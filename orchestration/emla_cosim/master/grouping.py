@@ -91,7 +91,7 @@ def connect(
         models = [s for s in steppers if isinstance(s, ModelExchangeInstance)]
         stepped.append(IntegratedGroup(models, inside[u]) if u in joined else make_stepped(steppers[0]))
     condensed = [_make_network_link(x, positions, stepped) for x in outside]
-    return Network(stepped, _mark_direct(condensed, stepped), names, [positions[i][0] for i in followers])
+    return Network(stepped, _correct_direct(condensed, stepped), names, [positions[i][0] for i in followers])
 
 
 def _make_network_link(
@@ -108,8 +108,8 @@ def _make_network_link(
     return replace(link, source=u, target=v)
 
 
-def _mark_direct(links: Sequence[Link], stepped: Sequence[FmuInstance]) -> list[Link]:
-    """Return the links; those into groups are direct if an output that is used outside depends on them."""
+def _correct_direct(links: Sequence[Link], stepped: Sequence[FmuInstance]) -> list[Link]:
+    """Return the links; one into a group is direct only if an output that is used outside depends on it."""
     used = {(x.source, x.output) for x in links}
     return [
         replace(x, direct=any((x.target, k) in used for k in x.through))

@@ -319,6 +319,7 @@ class IntegratedGroup(IntegratedInstance):
         return stages
 
     def _make_stage(self, signals: Sequence[int], is_loop: bool) -> _Stage:
+        """Return the stage that reads these signals, and passes them to the inputs that they drive."""
         reads, network = [], self._network
         for member, part in zip(self.members, network.parts[1:], strict=True):
             member_signals = [s for s in signals if part.start <= s < part.stop]
@@ -329,6 +330,7 @@ class IntegratedGroup(IntegratedInstance):
         return _Stage(reads, writes, np.array(signals if is_loop else [], dtype=np.intp))
 
     def _make_writes(self, links: Sequence[Link]) -> list[_Transfer]:
+        """Return what passes the signals of links to their inputs, one transfer per member."""
         transfers = []
         for i, member in enumerate(self.members, 1):
             member_links = [x for x in links if x.target == i]

@@ -129,6 +129,7 @@ class Network:
             instance.bind(self.inputs[input_part], storage[part])
 
     def _use_order(self, order: list[int]) -> None:
+        """Use an order of stepping, and find the links that run against it."""
         self.order = order
         self._rank = {i: k for k, i in enumerate(order)}
         self._feedback_links: list[list[Link]] = [[] for _ in order]  # by target

@@ -334,6 +334,7 @@ class System:
         return Connection(source.name, output, target.name, input_, from_text=True)
 
     def _make_unknown_component_error(self, name: str) -> CommandError:
+        """Return the error for a component that does not exist, with those that do."""
         branch = name.partition(".")[0]
         siblings = [c.name for c in self.components if c.branch == branch]
         existing = siblings or [c.name for c in self.components] or ["none"]

@@ -265,6 +265,7 @@ class Names:
         }
 
     def _make_no_match_error(self, pattern: str, matching: list[NamedVariable]) -> CommandError:
+        """Return the error for a pattern: why its matches cannot be set, or what to write if it has none."""
         reasons = {v.full_name: reason for v in matching if (reason := self.explain_fixed(v)) is not None}
         if reasons:
             hidden_count = len(reasons) - _MAX_LISTED

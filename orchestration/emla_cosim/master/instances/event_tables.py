@@ -161,7 +161,7 @@ class EventTables:
         for record, (variable, _), function in zip(calls, setters, functions, strict=True):
             record["call"]["function"] = ctypes.cast(function, ctypes.c_void_p).value
             record["call"]["is_version_3"] = True
-            record["clocks"] = self._list_clocks(clocks_of(variable))
+            record["clocks"] = self._add_clocks(clocks_of(variable))
         self._use_by_hand(calls, functions)
 
     def _use_by_hand(self, calls: NDArray[Any], owners: Sequence[Any]) -> None:
@@ -183,7 +183,7 @@ class EventTables:
             self._fill_call(record["call"], group)
             record["call"]["item_count"] = 0  # its memory has the values already
             record["call"]["component"] = self.record.component
-            record["clocks"] = self._list_clocks(clocks_of(variable))
+            record["clocks"] = self._add_clocks(clocks_of(variable))
         self._use_by_hand(calls, [])
         return {str(v.name): values_by_reference[int(v.valueReference)] for v in variables}
 
@@ -217,8 +217,8 @@ class EventTables:
         variables = [inputs[i] for i in elements]
         return TypedValues("set", variables, self._access.functions, self._access.arrays, elements)
 
-    def _list_clocks(self, references: Sequence[int]) -> tuple[int, int]:
-        """Add clocks to the list, and return the set of them."""
+    def _add_clocks(self, references: Sequence[int]) -> tuple[int, int]:
+        """Add clocks to the list, and return where they begin there and how many they are."""
         first = len(self._clock_list)
         self._clock_list += [self._positions.get(reference, -1) for reference in references]
         return first, len(references)
@@ -247,7 +247,7 @@ class EventTables:
         record.clock_count, record.output_clock_count = len(self._references), outputs
         depending = [v for v in self._ticking if v.causality == "input" and v.clocks]
         self._needed = {int(v.valueReference): set(clocks_of(v)) for v in depending}
-        needed = [self._list_clocks(sorted(self._needed.get(r, ()))) for r in self._references]
+        needed = [self._add_clocks(sorted(self._needed.get(r, ()))) for r in self._references]
         record.needed = self._keep(np.array(needed, dtype=CLOCK_SET))
         timed = [
             (
@@ -296,7 +296,7 @@ class EventTables:
             functions, arrays = self._access.functions, self._access.arrays
             member_variables = [variables[i] for i in members]
             typed = TypedValues(access, member_variables, functions, arrays, elements[members])
-            clock_range = self._list_clocks(clocks)
+            clock_range = self._add_clocks(clocks)
             groups += [(group, clock_range) for group in typed.groups]
         calls = np.zeros(len(groups), CLOCKED_CALL)
         for call, (group, clock_range) in zip(calls, groups, strict=True):

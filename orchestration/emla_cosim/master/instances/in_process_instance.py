@@ -122,7 +122,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self.arrays: dict[int, NDArray[Any]] = {}
         """The memory of arrays that are set; see `TypedValues`."""
         self._step_end = StepEnd()
-        self._functions = {n: self._record_calls(n, f) for n, f in self._library.functions.items()}
+        self._functions = {n: self._make_recorded(n, f) for n, f in self._library.functions.items()}
         if self._library.is_version_3:
             self._functions = short_functions(self._functions, self._step_end)
         self._component = self.fmu.component
@@ -307,6 +307,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             self._check_status("setReal", self._set_real(*self._set_arguments))
 
     def _set_typed_inputs(self, setter: TypedValues) -> None:
+        """Set inputs with one call per type; RunError if a value does not fit into its type."""
         try:
             status = setter.set(self._component, self.inputs)
         except ValueRangeError as error:
@@ -544,7 +545,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             with contextlib.suppress(FMICallException):
                 self.fmu.freeFMUstate(state)
 
-    def _record_calls(self, name: str, function: Callable[..., int]) -> Callable[..., int]:
+    def _make_recorded(self, name: str, function: Callable[..., int]) -> Callable[..., int]:
         """Return the function, with its calls recorded in the black box."""
         present, code = self._present, self._codes[name]
 

@@ -364,6 +364,7 @@ class IsolatedInstance(DescribedInstance):
         self._send(request)
 
     def _send(self, request: Request) -> None:
+        """Send a request; RunError in a fork of this process, InstanceError if the FMU's process ended."""
         if os.getpid() != self._owner:
             raise RunError(f"the FMU of {self.name} belongs to another process. Prepare it in this process.")
         if self._end_error is not None:

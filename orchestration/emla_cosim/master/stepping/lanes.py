@@ -227,6 +227,7 @@ class LaneChoice:
         return schedule_tasks(self._loop.tasks, costs, count, self._loop.first_lane_only)
 
     def _use_schedule(self, schedule: ThreadSchedule) -> None:
+        """Share the steps as in a schedule, and report the components of each lane."""
         tasks, instances = self._loop.tasks, self._algorithm.network.instances
         self._loop.share_out(schedule.lanes)
         members = [

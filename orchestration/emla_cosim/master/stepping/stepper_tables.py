@@ -162,6 +162,7 @@ class StepperTables:
         ]
 
     def _make_inputs(self) -> Any:
+        """Return the INPUT records: what each input reads, and how this is transformed."""
         network, exchange = self._algorithm.network, self._algorithm.exchange
         records = np.zeros(len(network.inputs), INPUT)
         records["signal"] = signals = np.concatenate([np.empty(0, dtype=np.intp), *network.sources])
@@ -173,6 +174,7 @@ class StepperTables:
         return records
 
     def _make_instances(self) -> Any:
+        """Return the INSTANCE records, with a last one that passes on texts if there are any."""
         network, exchange, points = self._algorithm.network, self._algorithm.exchange, self._points
         saved = {i for group in self._algorithm.groups if group.is_saved for i in group.members}
         records, indices = np.zeros(len(points), INSTANCE), range(len(points))
@@ -261,6 +263,7 @@ class StepperTables:
         return record
 
     def _make_typed_calls(self, i: int, points: EntryPoints, calls: Sequence[GroupCall], first: int) -> Any:
+        """Return the CALL records of values whose vector begins at `first` in that of the stepper."""
         records = np.zeros(len(calls), CALL)
         for record, (function, group) in zip(records, calls, strict=True):
             fill_typed_call(record, group, function, self._keep, first)
