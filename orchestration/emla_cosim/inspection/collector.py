@@ -114,6 +114,7 @@ def _collect_mechanics(path: Path, reason: CommandError) -> Info:
 def _collect_system(
     scenario: Scenario, system: System, files: Mapping[str, Path], interfaces: Mapping[str, Interface]
 ) -> Info:
+    """Return the content of a prepared system; `files` and `interfaces` are by component."""
     names = {
         (c.name, variable): f"{c.name}.{name}"
         for c in system.components
@@ -155,7 +156,7 @@ def _collect_system(
         step_size=scenario.options.step_size,
         notes=(
             *scenario.notes,
-            *_describe_kinds(wired, interfaces, scenario.options.integrate_together),
+            *_describe_model_exchange(wired, interfaces, scenario.options.integrate_together),
             *(remark.rstrip(".") for remark in describe_disabled_event_mode(system)),
             *problems,
         ),
@@ -169,7 +170,7 @@ def _collect_system(
     )
 
 
-def _describe_kinds(
+def _describe_model_exchange(
     system: System, interfaces: Mapping[str, Interface], integrate_together: bool
 ) -> list[str]:
     """Return notes on the components that run as Model Exchange."""
@@ -339,7 +340,7 @@ def _read_start(variable: ModelVariable) -> Any:
 
 
 def _read_limit(variable: ModelVariable, name: str) -> float | None:
-    """Return the lowest or highest value of a number, or None."""
+    """Return the limit `min` or `max` of a number, also that of its type; None without one."""
     text = getattr(variable, name)
     if text is None and variable.declaredType is not None:
         text = getattr(variable.declaredType, name, None)

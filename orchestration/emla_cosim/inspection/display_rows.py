@@ -19,7 +19,7 @@ _MOST_STARTS = 4
 """Most different start values of an array's elements to show."""
 
 
-_USUAL = ("continuous", "fixed", "discrete")
+_DEFAULT_VARIABILITIES = ("continuous", "fixed", "discrete")
 """Default variabilities, which are not shown: of a Real, of a parameter, of other variables."""
 
 
@@ -65,11 +65,15 @@ def _make_grouping_key(position: int, v: VariableInfo) -> tuple[object, ...]:
 
 
 def _make_row(elements: Sequence[VariableInfo]) -> DisplayRow:
+    """Return the row of a variable, or of elements of an array that share one."""
     first, last = elements[0], elements[-1]
     name = format_line(first.name)
     if len(elements) > 1:
         name = f"{name.removesuffix(']')}..{last.name.rpartition('[')[2]}"
-    start, default = _values([v.start for v in elements]), _values([v.default for v in elements])
+    start, default = (
+        _format_values([v.start for v in elements]),
+        _format_values([v.default for v in elements]),
+    )
     unit, meaning = format_line(first.unit or ""), format_line(first.description)
     is_changed = default not in ("", start)
     if unit and not start:
@@ -124,15 +128,16 @@ def format_line(text: str) -> str:
 
 
 def _describe_kind(variable: VariableInfo) -> str:
+    """Return variability, type, size and causality, without those that are the default."""
     variability = variable.interval_variability or variable.variability
-    variability = "" if variability in _USUAL else variability
+    variability = "" if variability in _DEFAULT_VARIABILITIES else variability
     kind = "" if variable.data_type in ("Real", "Float64") else variable.data_type
     is_whole = variable.dimensions and not variable.name.endswith("]")
     size = f"[{', '.join(map(str, variable.dimensions))}]" if is_whole else ""
     return format_line(" ".join(filter(None, (variability, kind, size, variable.causality))))
 
 
-def _values(values: Sequence[Start | None]) -> str:
+def _format_values(values: Sequence[Start | None]) -> str:
     """Format the start values of elements: one if all are equal, otherwise the first few."""
     texts = ["" if x is None else _format_number(x) for x in values]
     if len(set(texts)) == 1:

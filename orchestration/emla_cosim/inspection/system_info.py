@@ -302,6 +302,7 @@ def _convert_row(variable: VariableInfo) -> dict[str, Any]:
 
 
 def _is_match(variable: VariableInfo, pattern: str) -> bool:
+    """Return whether a variable matches a pattern or contains a word; see `Info.matching`."""
     inside = variable.name.removeprefix(f"{variable.component}.")
     if matches_pattern(variable.name, pattern) or matches_pattern(inside, pattern):
         return True

@@ -81,32 +81,33 @@ class Controller:
         return next(iter(self.gains))
 
 
-def _name_file_sets(*names: str) -> Mapping[str, Gains]:
+def _build_file_sets(*names: str) -> Mapping[str, Gains]:
+    """Return sets of gains by name, all of which are in the files of joints."""
     return {name: Gains(in_file=True) for name in names}
 
 
 CONTROLLERS: dict[str, Controller] = {
     "rsba": Controller(
         RsbaController,
-        _name_file_sets("damped", "compensated", "robust", "published", COMPLIANT),
+        _build_file_sets("damped", "compensated", "robust", "published", COMPLIANT),
         gains.RsbaGains,
         {"robust": gains.robust, "compensated": gains.compensated, "damped": gains.damped},
     ),
     "foc": Controller(
         FocController,
-        _name_file_sets("damped", "tuned", "rule", COMPLIANT),
+        _build_file_sets("damped", "tuned", "rule", COMPLIANT),
         foc_gains.FocGains,
         {"tuned": foc_gains.tuned, "rule": foc_gains.rule},
     ),
     "cac": Controller(
         CacController,
-        _name_file_sets("damped", "tuned", "published", COMPLIANT),
+        _build_file_sets("damped", "tuned", "published", COMPLIANT),
         cac_gains.CacGains,
         {"tuned": cac_gains.tuned},
     ),
     "anatc": Controller(
         AnatcController,
-        _name_file_sets("damped", "tuned", "published", COMPLIANT),
+        _build_file_sets("damped", "tuned", "published", COMPLIANT),
         anatc_gains.AnatcGains,
         {"tuned": anatc_gains.tuned},
     ),
@@ -131,7 +132,7 @@ def choose_controller(
         preferred: The set to use without `gain_set`, if the controller has it.
 
     Raises:
-        CommandError: The controller or the set does not exist.
+        CommandError: The controller or the set does not exist, or a class is not a block.
     """
     choice = "rsba" if controller is None else controller
     entry = _find_controller(choice)
@@ -157,6 +158,7 @@ class ControllerWithGains:
 
 
 def _find_controller(name: str | type) -> Controller:
+    """Return a registered controller, or a new one for a block, FILE.fmu or FILE.py:BLOCK."""
     if isinstance(name, type):
         if not issubclass(name, Block):
             raise CommandError(f"the controller {name.__name__} is not a block of fmublock.")

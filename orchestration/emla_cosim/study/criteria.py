@@ -86,13 +86,16 @@ def resolve_criteria(joints: Collection[str], values: Mapping[str, float | str])
 
 
 def _read_criterion(joint_criterion: str, value: float | str, unit: str) -> float:
+    """Return a value in SI units; raise CommandError if it is not a positive, finite number."""
     label = f"the criterion '{joint_criterion}'"
     number = value
     if isinstance(value, str):
         number = read_quantity(value, label, unit)
     number = float(number)
     if not 0.0 < number < float("inf"):
-        raise CommandError(f"{label} is {value}; it must be a positive number.", criterion=joint_criterion)
+        raise CommandError(
+            f"{label} is {value}; it must be a positive, finite number.", criterion=joint_criterion
+        )
     return number
 
 

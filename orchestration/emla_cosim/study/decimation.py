@@ -55,7 +55,7 @@ class SampleRates:
         """Weighted sums of the last groups, which the next samples need."""
 
     def add(self, signals: Sequence[Vector]) -> Iterator[list[int]]:
-        """Keep samples, and yield after each chunk which rates have new samples only.
+        """Keep samples, and yield after each chunk the numbers of the rates whose kept samples are all new.
 
         Args:
             signals: Samples of all signals, each part of shape (signals of the part, samples).
@@ -76,8 +76,8 @@ class SampleRates:
             if self.count % CHUNK == 0:
                 decimated = self._decimate(slice(None), CHUNK)
                 for i, (new_samples, last_sums) in enumerate(decimated):
-                    capacity = np.concatenate([self._lower[i], new_samples], axis=1)
-                    self._lower[i] = capacity[:, -_CAPACITIES[i + 1] :]
+                    kept = np.concatenate([self._lower[i], new_samples], axis=1)
+                    self._lower[i] = kept[:, -_CAPACITIES[i + 1] :]
                     self._last_sums[i] = last_sums
                 chunks = self.count // CHUNK
                 # after so many chunks, all samples at a rate are new
@@ -88,7 +88,7 @@ class SampleRates:
                 yield [i for i, period in enumerate(periods) if chunks % period == 0]
 
     def _decimate(self, channels: Any, steps: int) -> list[tuple[Vector, Vector]]:
-        """Return the samples of the lower rates in the first steps of the chunk, and their last sums."""
+        """Return for each lower rate the samples from the first steps of the chunk, and their last sums."""
         samples, decimated = self._chunk[channels, :steps].astype(float), list[tuple[Vector, Vector]]()
         for last_sums in self._last_sums:
             groups = samples[:, : samples.shape[1] // _FACTOR * _FACTOR].reshape(len(samples), -1, _FACTOR)
@@ -99,17 +99,17 @@ class SampleRates:
         return decimated
 
     def samples(self, number: int, channels: Indices, first: int) -> Vector:
-        """Return the samples of some signals at a rate that are kept, from a number on."""
+        """Return the kept samples of some signals at rate `number`, from the `first` one of the run on."""
         position = self.count % CHUNK
         if number == 0:
             earlier = (
                 self._chunk[channels, position:] if self.count >= CHUNK else np.zeros((len(channels), 0))
             )
-            capacity = np.concatenate([earlier, self._chunk[channels, :position]], axis=1).astype(float)
+            kept = np.concatenate([earlier, self._chunk[channels, :position]], axis=1).astype(float)
         else:
             later = self._decimate(channels, position)[number - 1][0]
-            capacity = np.concatenate([self._lower[number - 1][channels], later], axis=1)
-        return capacity[:, max(first - self.available(number) + capacity.shape[1], 0) :]
+            kept = np.concatenate([self._lower[number - 1][channels], later], axis=1)
+        return kept[:, max(first - self.available(number) + kept.shape[1], 0) :]
 
     def available(self, number: int) -> int:
         """Return the number of samples at a rate so far."""

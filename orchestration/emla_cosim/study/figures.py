@@ -62,7 +62,7 @@ _LOAD_SINCE = ("loads", "load_evaluated_from_s")
 
 
 def _find_changed(joint: str, role: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
-    """Find a variable as `find_variable` does; the commanded motion only if it is not the reference."""
+    """Return what `find_variable` does; None also for a commanded motion that is the reference."""
     variable = find_variable(joint, role, names, roles)
     is_same = role.endswith("_c") and variable == find_variable(joint, f"{role[:-1]}d", names, roles)
     return None if is_same else variable
@@ -183,7 +183,7 @@ JOINT_FIGURES: dict[str, Picture] = {
 
 
 def _find_in_machine(joint: str, role: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
-    """Find a variable as `find_variable` does, if joints move a machine together."""
+    """Return what `find_variable` does; None also if the joints do not move a machine together."""
     has_machine = any(name.startswith("machine.") for name in names)
     return find_variable(joint, role, names, roles) if has_machine else None
 
@@ -243,7 +243,7 @@ class JointMap(Drawing):
         return ()
 
     def drawn(self, result: Result, data: Mapping[str, Vector]) -> "Figure | None":
-        """Draw one panel for each metric, with a point for each joint."""
+        """Draw a panel for each metric with a point for each joint; None if other plots show all joints."""
         joints = result.metrics.get(_KIND, {})
         if len(joints) <= MOST_COLUMNS:
             return None
@@ -255,7 +255,7 @@ class JointMap(Drawing):
         figure, grid = new_figure(len(_DISPLAYS), 1, width, 1.7)
         for axes, metric in zip(grid[:, 0], _DISPLAYS, strict=True):
             values = np.array([metric.factor * item[metric.name] for item in joints.values()])
-            _draw(axes, metric, values, is_not_held)
+            _draw_metric(axes, metric, values, is_not_held)
         interval = math.ceil(len(names) / _MOST_NAMES)
         grid[-1, 0].set_xticks(range(0, len(names), interval), names[::interval], rotation=90, fontsize=7)
         for label in grid[-1, 0].get_xticklabels():
@@ -268,7 +268,7 @@ class JointMap(Drawing):
         return figure
 
 
-def _draw(axes: "Axes", metric: MetricDisplay, values: Vector, is_not_held: Any) -> None:
+def _draw_metric(axes: "Axes", metric: MetricDisplay, values: Vector, is_not_held: Any) -> None:
     """Draw the values that exist, those of joints that are not held in red."""
     numbers = np.arange(len(values))
     for mask, color in ((~is_not_held, BLUE), (is_not_held, RED)):

@@ -82,13 +82,13 @@ class Winding:
     Args:
         permitted_rise: Steady temperature rise in K at the rated current, which is permitted.
         tau: Thermal time constant in s.
-        trip: Fraction beyond the permitted rise at which the joint trips.
+        trip_fraction: Fraction beyond the permitted rise at which the joint trips.
         period: Period of the motion in s; 0 if it does not repeat within a run.
     """
 
     permitted_rise: float
     tau: float
-    trip: float
+    trip_fraction: float
     period: float = 0.0
 
     def repeat(self, time: Vector, rise: Vector) -> Heat:
@@ -107,7 +107,7 @@ class Winding:
         # the excess at the start of the cycle that decays within it by just what the cycle adds
         steady = rise + gain / -math.expm1(-length / self.tau) * np.exp(-phase / self.tau)
         mean = (float(np.trapezoid(rise, time)) + gain * self.tau) / length
-        beyond = steady - self.permitted_rise * (1.0 + self.trip)
+        beyond = steady - self.permitted_rise * (1.0 + self.trip_fraction)
         trips_after = math.nan
         if (beyond > 0.0).any():
             # what the present rise lacks decays, and at some phase of a cycle gets as small as what is beyond
@@ -127,22 +127,25 @@ class Winding:
 
 
 def find_winding(
-    joint: str, parameters: RoleNames[float], roles: Mapping[str, str], trip: float
+    joint: str, parameters: RoleNames[float], roles: Mapping[str, str], trip_fraction: float
 ) -> Winding | None:
-    """Return the thermal data of a joint's winding; None if it does not heat, or its currents mean nothing.
+    """Return the thermal data of a joint's winding; None if its heating cannot be computed.
 
     Args:
         joint: The joint.
         parameters: Values of all parameters by full name.
         roles: Names by JOINT.ROLE, which override the default ones.
-        trip: Fraction beyond the permitted rise at which the joint trips.
+        trip_fraction: Fraction beyond the permitted rise at which the joint trips.
+
+    Returns:
+        None if the plant has no thermal data, does not heat (i_N = 0), or makes its torque without currents.
     """
     i_N, permitted_rise, tau, is_ideal, period = find_values(
         joint, parameters, roles, "i_N", "permitted_rise", "tau_th", "ideal_torque", "period"
     )
     if i_N == 0.0 or not (permitted_rise > 0.0 and tau > 0.0) or is_ideal > 0.0:
         return None
-    return Winding(permitted_rise, tau, trip, 0.0 if math.isnan(period) else period)
+    return Winding(permitted_rise, tau, trip_fraction, 0.0 if math.isnan(period) else period)
 
 
 class _Samples:
@@ -161,7 +164,7 @@ class _Samples:
         """Take the next rows: times in s, and temperature rises in K."""
         start = self._times[0] if self._times else float(time[0])
         previous = self._times[-1:] or [start - self._interval]
-        selected = self._find_first(np.append(previous, time), start)
+        selected = self._find_interval_starts(np.append(previous, time), start)
         self._times += time[selected].tolist()
         self._rises += rise[selected].tolist()
         self._last = float(time[-1]), float(rise[-1])
@@ -169,16 +172,16 @@ class _Samples:
             # doubled, so that which rows are kept does not depend on the blocks in which rows come
             self._interval *= 2.0
             times = np.array(self._times)
-            indices = [0, *(1 + self._find_first(times, start))]
+            indices = [0, *(1 + self._find_interval_starts(times, start))]
             self._times, self._rises = times[indices].tolist(), np.array(self._rises)[indices].tolist()
 
-    def _find_first(self, time: Vector, start: float) -> Indices:
-        """Return which times but the first one are in another interval than the time before."""
+    def _find_interval_starts(self, time: Vector, start: float) -> Indices:
+        """Return the positions in `time[1:]` of times that are in another interval than the time before."""
         interval = np.floor((time - start + _ROUNDING) / self._interval)
         return np.flatnonzero(interval[1:] > interval[:-1])
 
     def curve(self) -> tuple[Vector, Vector]:
-        """Return times in s and temperature rises in K."""
+        """Return times in s and temperature rises in K of the samples and of the last row."""
         time, rise = np.array([*zip(self._times, self._rises, strict=True), self._last]).T
         return (time, rise) if len(time) < 2 or time[-1] > time[-2] else (time[:-1], rise[:-1])
 
@@ -205,7 +208,7 @@ class HeatWatch:
 
     def __init__(
         self,
-        trips: Mapping[str, float],
+        trip_fractions: Mapping[str, float],
         columns: RoleNames[int],
         parameters: RoleNames[float],
         roles: Mapping[str, str],
@@ -213,15 +216,15 @@ class HeatWatch:
         """Find the joints whose windings heat.
 
         Args:
-            trips: Fraction beyond the permitted temperature rise that is a trip, by joint.
+            trip_fractions: Fraction beyond the permitted temperature rise that is a trip, by joint.
             columns: Columns of all signals by name.
             parameters: Values of all parameters by name.
             roles: Names by JOINT.ROLE, which override the default ones.
         """
         self._windings, self.columns = dict[int, Winding](), list[int]()
-        for number, (joint, trip) in enumerate(trips.items()):
+        for number, (joint, trip_fraction) in enumerate(trip_fractions.items()):
             signal = find_variable(joint, "temperature_rise", columns, roles)
-            winding = find_winding(joint, parameters, roles, trip)
+            winding = find_winding(joint, parameters, roles, trip_fraction)
             if signal is not None and winding is not None:
                 self._windings[number] = winding
                 self.columns.append(columns[signal])
@@ -244,7 +247,10 @@ class HeatWatch:
                 samples.add(time[first:end], rise[first:end])
 
     def heat(self, joint: int) -> Heat | None:
-        """Return what the winding of a joint reaches; None without thermal data, or for a short part."""
+        """Return what the winding of a joint reaches if the run repeats; None if it cannot be computed.
+
+        It needs thermal data, at least `MIN_DURATION` of evaluated time, and finite temperatures.
+        """
         if joint not in self._samples:
             return None
         time, rise = self._samples[joint].curve()

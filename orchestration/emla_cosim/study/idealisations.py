@@ -108,13 +108,13 @@ def list_idealisations(
     """
     plant = _Plant(joint, parameters, roles or {})
     return [
-        *_check_friction(plant),
-        *_check_effects(plant, _LEAD),
-        *_check_transmission(plant),
-        *_check_load_force(plant),
-        *_check_losses(plant),
-        *_check_effects(plant, *_ELECTRICAL),
-        *_check_torque(plant),
+        *_find_ideal_friction(plant),
+        *_find_missing_effects(plant, _LEAD),
+        *_find_ideal_transmission(plant),
+        *_find_assumed_load_force(plant),
+        *_find_ideal_losses(plant),
+        *_find_missing_effects(plant, *_ELECTRICAL),
+        *_find_ideal_torque(plant),
     ]
 
 
@@ -144,14 +144,15 @@ class _Plant(NamedTuple):
         return " ".join(f"--set {name}={values[role]}" for role, name in names.items() if name is not None)
 
 
-def _check_effects(plant: _Plant, *effects: _Effect) -> Iterator[Idealisation]:
+def _find_missing_effects(plant: _Plant, *effects: _Effect) -> Iterator[Idealisation]:
+    """Yield the effects that are off: the plant has their parameters, and all are 0."""
     for effect in effects:
         if plant.is_off(*effect.values):
             option = plant.option(effect.values)
             yield Idealisation(effect.name, effect.label, effect.sentence, option, effect.source)
 
 
-def _check_friction(plant: _Plant) -> Iterator[Idealisation]:
+def _find_ideal_friction(plant: _Plant) -> Iterator[Idealisation]:
     coulomb: dict[str, str] = {"F_C": _VALUE, "F_S": _VALUE}
     if plant.is_off(*coulomb, "B_BS"):
         option = plant.option(coulomb | {"B_BS": _VALUE})
@@ -161,7 +162,7 @@ def _check_friction(plant: _Plant) -> Iterator[Idealisation]:
         yield Idealisation("friction", "no Coulomb friction", sentence, option, _DRIVE)
 
 
-def _check_transmission(plant: _Plant) -> Iterator[Idealisation]:
+def _find_ideal_transmission(plant: _Plant) -> Iterator[Idealisation]:
     """Yield what lies between screw and load: rigid plants have neither stiffness nor backlash."""
     stiffness, backlash = plant.value("stiffness"), plant.value("backlash")
     screw = plant.name("C_eq")
@@ -179,7 +180,7 @@ def _check_transmission(plant: _Plant) -> Iterator[Idealisation]:
         yield Idealisation("backlash", "no backlash", sentence, option, _COMPLIANT)
 
 
-def _check_load_force(plant: _Plant) -> Iterator[Idealisation]:
+def _find_assumed_load_force(plant: _Plant) -> Iterator[Idealisation]:
     """Yield what the load control takes for granted if it does not measure the load."""
     assumed, stiffness = plant.value("assumed_stiffness"), plant.value("stiffness")
     if not (assumed > 0.0 and stiffness > 0.0 and plant.value("k_0") == 0.0):
@@ -199,7 +200,7 @@ def _check_load_force(plant: _Plant) -> Iterator[Idealisation]:
     )
 
 
-def _check_losses(plant: _Plant) -> Iterator[Idealisation]:
+def _find_ideal_losses(plant: _Plant) -> Iterator[Idealisation]:
     if plant.value("eta_GB") == 1.0:
         sentence = "Gearbox and screw have no losses."
         yield Idealisation("losses", "no losses", sentence, plant.option({"eta_GB": _VALUE}), _DRIVE)
@@ -214,7 +215,7 @@ def _check_losses(plant: _Plant) -> Iterator[Idealisation]:
         )
 
 
-def _check_torque(plant: _Plant) -> Iterator[Idealisation]:
+def _find_ideal_torque(plant: _Plant) -> Iterator[Idealisation]:
     if plant.value("ideal_torque") > 0.0:
         sentence = "The motor makes the commanded torque at once, whatever its currents are."
         yield Idealisation("torque", "ideal torque", sentence, plant.option({"ideal_torque": "false"}), "")

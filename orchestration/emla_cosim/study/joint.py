@@ -218,16 +218,16 @@ def build_joint(
     if brake is not None:
         wires = [new for wire in wires for new in _insert_brake(wire)] + list(_BRAKE_CONNECTIONS)
 
-    def resolve(end: str) -> str | None:
+    def resolve_end(end: str) -> str | None:
         role, _, port = end.partition(".")
         own_name = f"{name}.{'motor' if electrical and role == 'plant' else role}.{port}"
         return elsewhere.get(end, own_name)
 
     # a controller has only those connections for which it has a variable
-    ports = {f"controller.{port}" for port in _list_ports(controller)}
+    ports = {f"controller.{port}" for port in _list_variable_names(controller)}
     pairs = [wire.split(" -> ") for wire in wires]
     ends = [
-        [resolve(end) for end in pair]
+        [resolve_end(end) for end in pair]
         for pair in pairs
         if all(end in ports for end in pair if end.startswith("controller."))
     ]
@@ -248,10 +248,13 @@ def _insert_brake(wire: str) -> list[str]:
 
 
 def _build_controller(name: str, controller: type[Block] | Path, emla: Any, gains: Any) -> Component:
+    """Return the component of a controller; raise CommandError if it lacks u_q or u_d."""
     for port in ("u_q", "u_d"):
-        if port not in _list_ports(controller):
+        if port not in _list_variable_names(controller):
             label = f"'{controller}'" if isinstance(controller, Path) else controller.__name__
-            raise CommandError(f"the controller {label} has no output '{port}'.", name=port)
+            raise CommandError(
+                f"the controller {label} has no output '{port}'; it must have u_q and u_d.", name=port
+            )
     # its parameters have the names of our gains and of the actuator, so nothing is guessed
     if not isinstance(controller, Path) and controller.__module__.startswith("rsba_fmu."):
         return Component(name, controller.__name__, start_values(controller, emla, gains), samples=True)
@@ -330,7 +333,7 @@ def _list_parameter_units(controller: type[Block] | Path) -> dict[str, SiUnit | 
     }
 
 
-def _list_ports(controller: type[Block] | Path) -> set[str]:
+def _list_variable_names(controller: type[Block] | Path) -> set[str]:
     """Return the names of a controller's variables."""
     if isinstance(controller, Path):
         from ..fmu.interface import read_interface  # slow to import

@@ -89,14 +89,16 @@ class Touch(LimitViolation):
 
 
 class _WatchedSignal(NamedTuple):
+    """A signal with its limits, and with the thresholds beyond them at which its joint trips."""
+
     joint: str
     range: Range
     signal: str
     column: int
-    minimum: float
-    maximum: float
-    lowest: float
-    highest: float
+    low_limit: float
+    high_limit: float
+    low_threshold: float
+    high_threshold: float
 
 
 class _WatchedLoad(NamedTuple):
@@ -133,18 +135,18 @@ class LimitWatch:
             watched
             for joint, joint_criteria in criteria.items()
             for range_ in RANGES
-            if (watched := _watch_signal(joint, range_, joint_criteria, columns, parameters, roles))
+            if (watched := _find_watched_signal(joint, range_, joint_criteria, columns, parameters, roles))
             is not None
         ]
         self._loads = {
             joint: load
             for joint in criteria
-            if (load := _watch_load(joint, columns, parameters, roles)) is not None
+            if (load := _find_watched_load(joint, columns, parameters, roles)) is not None
         }
         self._trips: dict[str, Trip] = {}
         self._touches: dict[str, dict[str, Touch]] = {joint: {} for joint in criteria}
-        self._minima = np.array([w.minimum for w in self._watched])
-        self._maxima = np.array([w.maximum for w in self._watched])
+        self._minima = np.array([w.low_limit for w in self._watched])
+        self._maxima = np.array([w.high_limit for w in self._watched])
 
     @property
     def columns(self) -> list[int]:
@@ -173,7 +175,9 @@ class LimitWatch:
         trips = dict[str, tuple[int, Trip]]()
         for number in signal_numbers.tolist():
             watched, series = self._watched[number], values[number]
-            tripping = np.flatnonzero(~((watched.lowest <= series) & (series <= watched.highest)))
+            tripping = np.flatnonzero(
+                ~((watched.low_threshold <= series) & (series <= watched.high_threshold))
+            )
             if watched.joint in self._trips or not len(tripping):
                 continue
             # of several signals, the first one to trip counts
@@ -195,15 +199,15 @@ class LimitWatch:
 
     def _record_touch(self, watched: _WatchedSignal, time: Vector, values: Vector) -> None:
         """Record the first time beyond a limit, and the largest value there."""
-        beyond = (values < watched.minimum) | (watched.maximum < values)
+        beyond = (values < watched.low_limit) | (watched.high_limit < values)
         if not beyond.any():
             return
-        excess = np.maximum(values - watched.maximum, watched.minimum - values)
+        excess = np.maximum(values - watched.high_limit, watched.low_limit - values)
         largest = float(values[excess.argmax()])
         before = self._touches[watched.joint].get(watched.signal)
         if before is None:
             touch = Touch(*_list_violation_fields(watched, float(time[beyond.argmax()]), largest))
-        elif excess.max() > max(before.value - watched.maximum, watched.minimum - before.value):
+        elif excess.max() > max(before.value - watched.high_limit, watched.low_limit - before.value):
             touch = Touch(*_list_violation_fields(watched, before.time_s, largest))
         else:
             return
@@ -228,7 +232,7 @@ class LimitWatch:
         }
 
 
-def _watch_signal(
+def _find_watched_signal(
     joint: str,
     range_: Range,
     criteria: Criteria,
@@ -236,6 +240,7 @@ def _watch_signal(
     parameters: Mapping[str, float],
     roles: Mapping[str, str],
 ) -> _WatchedSignal | None:
+    """Return a signal of a joint with its limits; None if the joint lacks the signal or the upper limit."""
     signal = find_variable(joint, range_.role, columns, roles)
     if range_.high != TORQUE_LIMIT:
         (high,) = find_values(joint, parameters, roles, range_.high)
@@ -259,9 +264,10 @@ def find_torque_limit(
     return 1.5 * poles * flux * float(np.fmin.reduce(currents))
 
 
-def _watch_load(
+def _find_watched_load(
     joint: str, columns: Mapping[str, int], parameters: Mapping[str, float], roles: Mapping[str, str]
 ) -> _WatchedLoad | None:
+    """Return the load force of a joint; None if its signal or a needed parameter is missing."""
     signal = find_variable(joint, "F_L", columns, roles)
     rho, lead, efficiency, is_directional = find_values(
         joint, parameters, roles, "rho", "lead", "eta_GB", "directional"
@@ -278,13 +284,15 @@ def _list_violation_fields(
     watched: _WatchedSignal, time: float, value: float
 ) -> tuple[str, float, float, float, float, str, str]:
     """Return the fields of a trip or a touch."""
-    below = value < watched.minimum
-    limit, threshold = (watched.minimum, watched.lowest) if below else (watched.maximum, watched.highest)
+    below = value < watched.low_limit
+    limit, threshold = (
+        (watched.low_limit, watched.low_threshold) if below else (watched.high_limit, watched.high_threshold)
+    )
     return watched.signal, time, value, limit, threshold, watched.range.unit, watched.range.quantity
 
 
 def _read_violation(kind: Any, values: Mapping[str, Any], signals: set[str]) -> Any:
-    """Return a trip or a touch from a stored state."""
+    """Return a trip or a touch from a stored state; raise KeyError if its signal is not watched."""
     if values["signal"] not in signals:
         raise KeyError(values["signal"])
     converted = {f.name: (float if f.type in (float, "float") else str)(values[f.name]) for f in fields(kind)}

@@ -91,7 +91,7 @@ def check_notch_joints(notch: Mapping[str, float | str], joints: Collection[str]
 
 
 def complete_order(system: System, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the order of stepping with load controls and brakes, each before its controller.
+    """Return the option `order` with load controls and brakes before controllers; empty without an order.
 
     They have no step multiple, even if the controller has one: like a reference, they make a motion, and a
     held motion is late.

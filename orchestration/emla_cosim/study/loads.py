@@ -135,7 +135,7 @@ class LoadMetrics(VerdictMetrics):
             size = np.abs(error)
             self._settling.write(time, np.abs(x_L - x_c))
             self._load_settling.write(time, size)
-        self._find_not_finite(time, error)
+        self._record_not_finite(time, error)
         for number, load in enumerate(self._loads):
             if load.correction is not None and load.limit > 0.0 and math.isnan(self._limited_at[number]):
                 at_limit = np.abs(rows[:, load.correction]) >= load.limit
@@ -197,7 +197,7 @@ class LoadMetrics(VerdictMetrics):
         )
 
     def _describe_problem(self, joint: int) -> str | None:
-        """Return why a load is not within its window, except that the run is too short."""
+        """Return why a load is not within its window; None if it is, or if the run is too short."""
         name, window, error = self._joints[joint], self._windows[joint], self._loads[joint].error
         if not math.isnan(time := self._not_finite[joint]):
             return f"The load of {name} has no finite {error} from t = {time:.6g} s on."
@@ -219,7 +219,10 @@ class LoadMetrics(VerdictMetrics):
         )
 
     def reason(self, joint: str) -> str | None:
-        """Return why a load is not within its window if its joint has settled; None if it has no load."""
+        """Return why the load of a joint is not within its window.
+
+        None if it is, if the joint has no load, or if the screw has not settled and has its own reason.
+        """
         if joint not in self._joints:
             return None
         number = self._joints.index(joint)

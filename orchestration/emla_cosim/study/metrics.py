@@ -137,13 +137,13 @@ def create_joint_metrics(layout: RunLayout) -> "JointMetrics | None":
         CommandError: Roles or criteria are wrong.
     """
     check_roles(layout.roles, layout.names, layout.parameters)
-    sampled = {name: n * layout.times.step for name, n in layout.multiples.items()}
+    sample_times = {name: n * layout.times.step for name, n in layout.multiples.items()}
     metrics = JointMetrics(
         layout.names,
         layout.parameters,
         layout.roles,
         layout.criteria,
-        sampled,
+        sample_times,
         layout.times.start,
         create_load_metrics(layout),
     )
@@ -217,8 +217,8 @@ class JointMetrics(VerdictMetrics):
         self._first_estimate = start
         self._has_speed = ~(self._missing[_ROLES.index("v_s")])
         self._limits = LimitWatch(self._criteria, column, parameters, roles)
-        trips = {joint: limits.over_temperature for joint, limits in self._criteria.items()}
-        self._heat = HeatWatch(trips, column, parameters, roles)
+        trip_fractions = {joint: criteria_.over_temperature for joint, criteria_ in self._criteria.items()}
+        self._heat = HeatWatch(trip_fractions, column, parameters, roles)
         self._columns = np.array(
             [*self._columns.ravel(), *self._limits.columns, *self._heat.columns], dtype=int
         )
@@ -294,7 +294,7 @@ class JointMetrics(VerdictMetrics):
         if not self._rows:
             self._first, self._last_outside = distance[:, 0].copy(), np.full(len(x), self._start)
         self._settling.write(time, distance)
-        self._evaluate(time, steps, values, is_moving, limited)
+        self._update_figures(time, steps, values, is_moving, limited)
         since = np.where(np.isnan(self._evaluated_from), np.inf, self._evaluated_from)
         # before a joint has settled, its motion would count as an oscillation
         self._oscillation.write(time, (torque, error, x_load - x_s, v_s, force, disturbance), since)
@@ -309,7 +309,7 @@ class JointMetrics(VerdictMetrics):
             outside = np.flatnonzero(distance[joint] > CONVERGED_WITHIN * self._first[joint])
             if len(outside):
                 self._last_outside[joint] = float(time[outside[-1]])
-        self._find_not_finite(time, distance)
+        self._record_not_finite(time, distance)
         self._peak = np.fmax(self._peak, torques.max(axis=1))
         self._limited += count_true_per_row(limited)
         self._rows += len(rows)
@@ -332,11 +332,11 @@ class JointMetrics(VerdictMetrics):
             signals[:, number, after:] = self._at_trip[:, number, np.newaxis]
 
     def _get_trip(self, number: int) -> Trip | None:
-        """Return the trip at which the figures of a joint end."""
+        """Return the trip at which the figures of a joint end; None without a trip, or without a drive."""
         return self._limits.trip(self._joints[number]) if self._has_drive[number] else None
 
     def _detect_motion(self, x_s: Vector, v_s: Vector, steps: Vector) -> Mask:
-        """Return whether the reference motions move, by their speeds, else by their positions."""
+        """Return whether references move, by their speeds, else by their positions since the last row."""
         if self._has_speed.all():
             return np.abs(v_s) > AT_REST
         changes = np.diff(x_s, prepend=self._last_reference[:, np.newaxis], axis=1)
@@ -357,7 +357,7 @@ class JointMetrics(VerdictMetrics):
             size[joint, np.abs(estimates - np.rint(estimates)) > _SAME_SAMPLE] = -np.inf
         return size
 
-    def _evaluate(
+    def _update_figures(
         self, time: Vector, steps: Vector, values: Sequence[Vector], is_moving: Mask, limited: Mask
     ) -> None:
         """Update the figures of each joint from when it is evaluated on.
@@ -405,7 +405,7 @@ class JointMetrics(VerdictMetrics):
             self._loads.load_state_dict(state["loads"])
 
     def remarks(self) -> Sequence[str]:
-        """Return which windings get too hot, why joints are not held, and which limits they touched.
+        """Return messages on hot windings, joints that are not held, delays by notches, and touched limits.
 
         A run that is too short for a verdict has a remark, too.
         """
@@ -457,7 +457,7 @@ class JointMetrics(VerdictMetrics):
         return reasons
 
     def _describe_excursions(self, number: int) -> dict[str, Any] | None:
-        """Return how often a joint left its window while it was evaluated, and when it was farthest away."""
+        """Return how often a joint left its window after settling, and its largest error; None if never."""
         count, time = self._tracking.excursions[:, number]
         if not count or not self._settling.is_settled(number):
             return None
@@ -480,10 +480,10 @@ class JointMetrics(VerdictMetrics):
         # what the joint did is a better reason than that the run ended
         if reason is None and self._end_problem is not None:
             reason = self._end_problem
-        within = self._final[number] <= max(CONVERGED_WITHIN * self._first[number], STARTS_CONVERGED)
+        has_converged = self._final[number] <= max(CONVERGED_WITHIN * self._first[number], STARTS_CONVERGED)
         settled = self._settling.is_settled(number)
-        cut = self._get_trip(number) is not None
-        if cut:  # means over the time after a trip mean nothing
+        has_tripped = self._get_trip(number) is not None
+        if has_tripped:  # means over the time after a trip mean nothing
             rms_moving = rms_resting = np.nan
         return JointFigures(
             held=reason is None,
@@ -500,9 +500,11 @@ class JointMetrics(VerdictMetrics):
             torque_effort_N_m=float(largest[TORQUE]),
             torque_peak_N_m=float(self._peak[number]),
             observer_position_error_m=float(largest[OBSERVER]),
-            saturated_fraction=np.nan if cut else float(self._limited[number]) / max(self._rows, 1),
-            saturated_after_settling=float(limited / counted) if counted and settled and not cut else np.nan,
-            convergence_time_s=float(self._last_outside[number]) - self._start if within else np.nan,
+            saturated_fraction=np.nan if has_tripped else float(self._limited[number]) / max(self._rows, 1),
+            saturated_after_settling=float(limited / counted)
+            if counted and settled and not has_tripped
+            else np.nan,
+            convergence_time_s=float(self._last_outside[number]) - self._start if has_converged else np.nan,
             steady_rise_K=np.nan if heat is None else heat.steady_rise_K,
             excursions=self._describe_excursions(number),
             trip=None if trip is None else asdict(trip),

@@ -184,7 +184,7 @@ class OscillationWatch:
         if self._needs_largest:
             with np.errstate(invalid="ignore"):
                 self._largest = np.fmax(self._largest, np.abs(signals[TORQUE]).max(axis=1))
-        self._follow_steps(time)
+        self._restart_if_steps_change(time)
         # copies only where some joints lack a signal
         parts = [
             signals[signal] if len(joint_numbers) == len(self._joints) else signals[signal][joint_numbers]
@@ -198,8 +198,8 @@ class OscillationWatch:
                         self._search(joint, number, is_end=False)
         self._last_time, self._last = float(time[-1]), np.concatenate([part[:, -1:] for part in parts])
 
-    def _follow_steps(self, time: Vector) -> None:
-        """Start with the length of the first steps, and restart when steps have another length."""
+    def _restart_if_steps_change(self, time: Vector) -> None:
+        """Start with the length of the first steps; on another length, search what is there and restart."""
         is_first = math.isnan(self._last_time)
         count = len(time) - is_first
         step = float(time[-1] - (time[0] if is_first else self._last_time)) / max(count, 1)
@@ -219,9 +219,9 @@ class OscillationWatch:
         self._start, self._step = start, step
         self._rates = SampleRates(self._channels, step) if step > 0.0 else None
 
-    def _resample(self, before: int, time: Vector, parts: Sequence[Vector]) -> Sequence[Vector]:
-        """Return samples at equal steps; those of most runs are."""
-        expected = self._start + self._step * before
+    def _resample(self, count_before: int, time: Vector, parts: Sequence[Vector]) -> Sequence[Vector]:
+        """Return the rows as samples at equal steps, interpolated only if they are not so already."""
+        expected = self._start + self._step * count_before
         count = round((float(time[-1]) - expected) / self._step) + 1
         if count == len(time) and abs(float(time[0]) - expected) < 0.1 * self._step:
             return parts
@@ -282,7 +282,7 @@ class OscillationWatch:
             search = ToneSearch(samples, inputs, grid, gains)
             tones = [*search.lasting(floors), *(search.growing(growing_floors) if is_end else ())]
             oscillations = [
-                _describe(tone, signals, limit, start, rate)
+                _build_oscillation(tone, signals, limit, start, rate)
                 for tone in tones
                 if (watched.is_force_known or _is_joint_acceleration(tone, signals, watched))
                 and not _is_sampling_line(tone, scales, grid, watched, rates)
@@ -302,6 +302,7 @@ class OscillationWatch:
         return samples
 
     def _update_worst(self, joint: int, oscillation: Oscillation, limit: float) -> None:
+        """Keep the worse of this oscillation and the worst so far, with the times of both if they are one."""
         window = self._joints[joint].window
         worst = self._worst.get(joint, oscillation)
         if _compute_severity(worst, window, limit) > _compute_severity(oscillation, window, limit):
@@ -410,7 +411,7 @@ def _is_sampling_line(
 
 
 def _is_joint_acceleration(tone: Tone, signals: Sequence[int], watched: WatchedJoint) -> bool:
-    """Return whether the torque of a tone is that of the joint's acceleration, so that no force causes it."""
+    """Return whether a tone's torque is that of the joint's acceleration, not of a force; True if unknown."""
     amplitudes = dict(zip(signals, tone.amplitudes_of_signals, strict=True))
     if TORQUE not in amplitudes or ERROR not in amplitudes or math.isnan(watched.inertia):
         return True  # at the highest rate, no drive rejects a force
@@ -418,7 +419,10 @@ def _is_joint_acceleration(tone: Tone, signals: Sequence[int], watched: WatchedJ
     return bool(abs(amplitudes[TORQUE] - expected) < _MAX_TORQUE_MISMATCH * amplitudes[TORQUE])
 
 
-def _describe(tone: Tone, signals: Sequence[int], limit: float, start: float, rate: float) -> Oscillation:
+def _build_oscillation(
+    tone: Tone, signals: Sequence[int], limit: float, start: float, rate: float
+) -> Oscillation:
+    """Return the oscillation that a tone is; `start` is the time of the first sample in s."""
     amplitudes = dict(zip(signals, tone.amplitudes_of_signals.tolist(), strict=True))
     nan = float("nan")
     torque = amplitudes.get(TORQUE, nan)

@@ -32,6 +32,7 @@ class PrintedTable:
         return Cells(*(own_sum / base for own_sum, base in sums))
 
     def _compute_sums(self, controller: str) -> list[float]:
+        """Return the sum of each figure over all rows, in the order of `Cells`."""
         return [sum(column) for column in zip(*(row[controller] for row in self.cells.values()), strict=True)]
 
 
@@ -39,7 +40,8 @@ REFERENCE = "rsba"
 """The controller to which averages are relative."""
 
 
-def _list_moves() -> str:
+def _describe_moves() -> str:
+    """Return the moves of the study's joints, with peak speeds and loads, as a text."""
     return "; ".join(
         f"{name} {s.reference.q_S:g} to {s.reference.q_E:g} m, at most {s.reference.peak:g} m/s, "
         f"against {s.load.largest / 1e3:g} kN"
@@ -61,9 +63,9 @@ TABLE_VI = PrintedTable(
         "anatc": Cells(1.010, 1.100, 1.230, 1.130),
     },
     f"The paper does not print the references of its Table VI. Ours are quintic moves from rest to rest "
-    f"({_list_moves()}), then rest up to 10 s, with the disturbances (82) to (84). Controller and observer "
-    "run every 0.1 ms. The observer gets the position from an encoder of 20 bits per motor turn. Current "
-    "sensors are ideal, and there is no computing delay.",
+    f"({_describe_moves()}), then rest up to 10 s, with the disturbances (82) to (84). Controller and "
+    "observer run every 0.1 ms. The observer gets the position from an encoder of 20 bits per motor turn. "
+    "Current sensors are ideal, and there is no computing delay.",
 )
 
 TABLE_VIII = PrintedTable(

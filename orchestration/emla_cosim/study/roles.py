@@ -147,8 +147,8 @@ def find_variable(
 ) -> str | None:
     """Return the full name of the variable that has a role for a joint; None if there is none.
 
-    If data replace the variable, return the name of the data. The reference commands
-    the screw if nothing else does.
+    If data replace the variable, return the name of the data. The reference commands the screw if nothing
+    else does.
 
     Args:
         joint: The joint.
@@ -223,6 +223,7 @@ def find_tracked_loads(names: Collection[str], roles: Mapping[str, str]) -> dict
 def _find_pairs(
     pair: tuple[str, str], names: Collection[str], roles: Mapping[str, str]
 ) -> dict[str, tuple[str, str]]:
+    """Return the variables of two roles by joint, for joints that have both."""
     names = RoleNames(dict.fromkeys(names))
     ends = {
         joint: [find_variable(joint, role, names, roles) for role in pair]
@@ -286,6 +287,7 @@ _ELEMENT = re.compile(r"machine\.trajectory\.[xva]_d\[(?P<element>\d+)\]")
 
 
 def _format_patterns(patterns: Iterable[str], joint: str, element: int | None) -> Iterable[str]:
+    """Return the names for a joint; without an element, those of arrays are left out."""
     return (
         pattern.format(joint=joint, element=element)
         for pattern in patterns

@@ -35,7 +35,7 @@ def supply_components(
 ) -> tuple[tuple[Component, ...], tuple[str, ...]]:
     """Return the component of a supply, and its connections with the drives of joints.
 
-    Without load, its voltage is that at which the inverter with the largest voltage has it.
+    Its voltage without load is the one with which the inverter with the longest vector reaches that vector.
 
     Args:
         joints: Longest voltage vectors in V by the name of the component with the drive, such as
@@ -57,7 +57,7 @@ def supply_components(
     for i, (drive, u_max) in enumerate(joints.items(), 1):
         parameters[f"joint.u_max[{i}]"] = u_max
         wires += [f"{drive}.P_el -> {SUPPLY}.joint.P_el[{i}]", f"{SUPPLY}.{_SAG}[{i}] -> {drive}.{_SAG}"]
-    component = Component(SUPPLY, SharedSupply.__name__, {**parameters, **values}, note=_describe)
+    component = Component(SUPPLY, SharedSupply.__name__, {**parameters, **values}, note=_describe_supply)
     return (component,), tuple(wires)
 
 
@@ -85,7 +85,7 @@ def share_supply(system: System, values: Mapping[str, Value] | None = None) -> S
 
 
 def complete_order(system: System, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the order of stepping with a shared supply at its end.
+    """Return the option `order` with a shared supply at its end; empty if nothing is to be added.
 
     Args:
         system: The system.
@@ -98,7 +98,7 @@ def complete_order(system: System, options: Mapping[str, Any]) -> dict[str, Any]
     return {"order": [*order, SUPPLY]}
 
 
-def _describe(system: System) -> str:
+def _describe_supply(system: System) -> str:
     """Return the remark on the supply of a system."""
     parameters = system.component(SUPPLY).parameters
     return (

@@ -71,7 +71,7 @@ def build_joint_system(
     notch: Mapping[str, float | str] = MappingProxyType({}),
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
 ) -> Joint:
-    """Return the components of a joint, alone or on the manipulator.
+    """Return a joint, alone or on a machine: its components and connections.
 
     Args:
         joint_file: The file of the joint.
@@ -84,7 +84,7 @@ def build_joint_system(
         as_printed: Whether to use the paper's plant: driven by the commanded current, with an ideal sensor.
         true_feedback: See `build_joint`.
         drive: Whether to use a realistic drive (`emla_fmu.drive`).
-        on_machine: Whether to use the gains of a joint that moves the manipulator.
+        on_machine: Whether the joint moves a machine, and so has the gains and the end stops for it.
         electrical: See `build_joint`.
         compliant: Whether to use the load of `[compliance]`, which is not rigid. A file can say so for all
             scenarios but those with the paper's plant or with the manipulator.
@@ -116,7 +116,7 @@ def build_joint_system(
     if electrical:
         attributes = {x.attribute for x in EmlaMotor.layout().parameters}
         plant = {name: value for name, value in plant.items() if name in attributes}
-    load_command = choose_load_control(joint_file.name, load_control, notch, compliant)
+    control = choose_load_control(joint_file.name, load_control, notch, compliant)
     compliance, force = None, load["level"][0] if load else 0.0
     if compliant:
         compliance = joint_file.compliant_load.with_actuator(actuator.values)
@@ -125,19 +125,19 @@ def build_joint_system(
         force = joint_file.load.force_at_start(x_L + ahead, compliance)
         plant |= table.parameters()
     if joint_file.brake is not None:
-        _check_brake(joint_file.name, electrical, load_command)
+        _check_brake(joint_file.name, electrical, control)
         plant |= {"brake_torque": joint_file.brake.torque}
     if compliance is not None:
         plant |= compliance.parameters(force)
     load_observer, feedback = None, joint_file.load_feedback
-    if load_command.has_sensor and compliance is not None:
+    if control.has_sensor and compliance is not None:
         load_observer = observer_parameters(compliance, feedback)
         plant |= {"sigma_load": feedback.sigma, "resolution_load": feedback.resolution}
         # 48271 as in `derive_current_seed`
         plant |= {} if joint_file.seed is None else {"seed_load": 48271 * joint_file.seed % int(MODULUS)}
     command = None
-    if load_command.has_command:
-        command = command_parameters(load_command, actuator.emla, compliance, feedback, force)
+    if control.has_command:
+        command = command_parameters(control, actuator.emla, compliance, feedback, force)
     # joint files of users can lack this set
     has_compliant_gains = compliant and COMPLIANT in joint_file.gains.get(str(controller or "rsba"), {})
     choice = choose_controller(
@@ -248,6 +248,7 @@ def joint_scenario(content: Mapping[str, Any], where: str, folder: Path) -> Scen
 def _combine_joints(
     joint_files: Sequence[JointFile], controller: Choice, gains: Choice, actuators: Actuators, **variant: Any
 ) -> System:
+    """Return one system of several joints; raise CommandError for options that name other joints."""
     names = [joint_file.name for joint_file in joint_files]
     check_actuator_joints(actuators, names)
     check_notch_joints(variant.get("notch", {}), names)
@@ -266,14 +267,15 @@ def _combine_joints(
     return sum(further, first)
 
 
-def _build_joints(
+def _build_system_of_joints(
     joints: Iterable[str], controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
 ) -> System:
+    """Return the system of built-in joints, by name."""
     joint_files = [load_joint(name) for name in joints]
     return _combine_joints(joint_files, controller, gains, actuators, **variant)
 
 
-def _build_experiment(
+def _build_experiment_system(
     scenario: str, controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
 ) -> System:
     """Return a joint with the motion and the load of an experiment."""
@@ -293,16 +295,19 @@ def _build_experiment(
     return _combine_joints((joint_file,), controller, gains, actuators, **variant)
 
 
-_three_joints = partial(_build_joints, STUDY)
+_build_study = partial(_build_system_of_joints, STUDY)
 
 SYSTEMS: dict[str, Callable[..., System]] = {
-    "study": _three_joints,
-    "study-drive": partial(_three_joints, drive=True),
-    "study-compliant": partial(_three_joints, drive=True, compliant=True),
-    **{name: partial(_build_joints, (name,)) for name in dict.fromkeys((*STUDY, *list_joint_names()))},
-    "published": partial(_three_joints, as_printed=True),
-    "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),
-    **{name: partial(_build_experiment, name) for name in EXPERIMENTS},
+    "study": _build_study,
+    "study-drive": partial(_build_study, drive=True),
+    "study-compliant": partial(_build_study, drive=True, compliant=True),
+    **{
+        name: partial(_build_system_of_joints, (name,))
+        for name in dict.fromkeys((*STUDY, *list_joint_names()))
+    },
+    "published": partial(_build_study, as_printed=True),
+    "published-true-states": partial(_build_study, as_printed=True, true_feedback=True),
+    **{name: partial(_build_experiment_system, name) for name in EXPERIMENTS},
 }
 """Systems by name, made for a controller, a set of its gains, and optionally other actuators by joint."""
 
@@ -346,7 +351,7 @@ def change_entries(
 
 
 def _get_default_actuator(system: str, joint: str) -> Actuator:
-    """Return the actuator that a joint of a built-in system has without another one."""
+    """Return the actuator of a built-in joint; raise CommandError if the system has no such joint."""
     if joint not in list_joint_names() or EXPERIMENTS.get(system, joint) != joint:
         raise CommandError(
             f"{joint} has no data sheet whose entries can change; add --actuator {joint}=FILE.toml.",

@@ -159,7 +159,7 @@ class VerdictMetrics(Metrics):
         """Give no joint a good verdict, because the run ended before its stop time."""
         self._end_problem = problem
 
-    def _find_not_finite(self, time: Vector, errors: Vector) -> None:
+    def _record_not_finite(self, time: Vector, errors: Vector) -> None:
         """Record when position errors, of shape (joints, rows), are first not finite."""
         if np.isfinite(errors).all():  # as in nearly all blocks
             return
@@ -200,6 +200,7 @@ class Settling:
                 self._update(joint, time, errors[joint])
 
     def _update(self, joint: int, time: Vector, error: Vector) -> None:
+        """Record when a joint entered its window for the current stay, and whether it has settled."""
         inside = error <= self._windows[joint]
         outside = np.where(inside, -1, np.arange(len(time)))
         # for each row, the last row outside of the window, -1 if there is none in this block

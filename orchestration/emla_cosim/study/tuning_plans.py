@@ -40,7 +40,7 @@ def list_tuning_plans() -> dict[str, Callable[[], str]]:
 
 
 def _build_plan(controller: str, joint: str, gain_set: str) -> str:
-    """Return a plan; `gain_set` is the set of gains from which its search starts."""
+    """Return the text of a plan; `gain_set` is the set of gains from which its search starts."""
     joint_file = load_joint(joint)
     is_compliant = gain_set == COMPLIANT
     names = ("effort", *(["load"] if is_compliant else []), controller)

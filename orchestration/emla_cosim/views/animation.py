@@ -109,7 +109,7 @@ def write_gif(film: Film, stream: IO[bytes], progress: Progress) -> None:
     """Write a film that repeats forever. Raise RunError if Ctrl-C interrupts it."""
     from PIL import Image
 
-    def image(frame_index: int) -> "Image.Image":
+    def make_image(frame_index: int) -> "Image.Image":
         if is_interrupted():
             raise RunError("the animation was interrupted.")
         progress.advance(1)
@@ -118,11 +118,11 @@ def write_gif(film: Film, stream: IO[bytes], progress: Progress) -> None:
     colors = _make_palette(film[len(film) - 1])
     frame_duration = round(1000 * film.period)
     with catch_interrupts() as is_interrupted:
-        image(0).save(
+        make_image(0).save(
             stream,
             format="GIF",
             save_all=True,
-            append_images=(image(i) for i in range(1, len(film))),
+            append_images=(make_image(i) for i in range(1, len(film))),
             # the end stays visible before the animation repeats
             duration=[frame_duration] * (len(film) - 1) + [_LAST_DURATION],
             loop=0,

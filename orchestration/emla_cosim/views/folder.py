@@ -70,7 +70,7 @@ class Folder:
         for name in names:
             resolve_output_path(self.path / name, f"the file of the {self.subject}")
         try:
-            unknown = None if self.overwrite or self.has_own_record() else self._find_strange(names)
+            unknown = None if self.overwrite or self.has_own_record() else self._find_foreign_file(names)
         except OSError as error:
             raise CommandError(
                 f"the output folder '{self.path}' cannot be read: {error.strerror or error}."
@@ -82,8 +82,8 @@ class Folder:
                 path=str(self.path / unknown),
             )
 
-    def _find_strange(self, names: Sequence[str]) -> str | None:
-        """Return a file that a command of this kind did not write, or None if it may write here."""
+    def _find_foreign_file(self, names: Sequence[str]) -> str | None:
+        """Return a file that a command of this kind must not touch; None if it may write here."""
         if (
             nonempty := next((name for name in names if not is_new(self._real_path / name)), None)
         ) is not None:
@@ -119,11 +119,11 @@ class Folder:
         """Open a stream for a file, which appears when it is complete. Raises RunError."""
         with (
             report_write_errors(self.path),
-            write_atomically(self._real_path / name, self._check_again) as stream,
+            write_atomically(self._real_path / name, self._check_still_ours) as stream,
         ):
             yield stream
 
-    def _check_again(self, path: Path) -> None:
+    def _check_still_ours(self, path: Path) -> None:
         """Raise NotAFileError if a file of the user appeared while the command ran."""
         if not (self.overwrite or is_new(path) or has_record(path.parent, self.record_file)):
             raise NotAFileError(0, f"'{path.name}' appeared while emla ran, and emla did not write it")

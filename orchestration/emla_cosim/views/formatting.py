@@ -21,7 +21,7 @@ from ..run.result import Result
 
 
 def format_figure(value: Any, figure: "MetricDisplay") -> str:
-    """Format a metric in the unit of its row, or in a larger one if it is large."""
+    """Format a metric in the unit of its row, or in a larger one if it is large; "none" for NaN."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int) and figure.factor == 1:
@@ -185,7 +185,7 @@ def list_idealisations(result: Result) -> list[IdealisationRow]:
     """Return all that objects of metrics idealise."""
     return [
         IdealisationRow(subject, entry["sentence"], entry["option"], entry["source"])
-        for subject, entries in _list_by_subject(result).items()
+        for subject, entries in _map_idealisations(result).items()
         for entry in entries
     ]
 
@@ -193,7 +193,7 @@ def list_idealisations(result: Result) -> list[IdealisationRow]:
 def describe_idealisations(result: Result) -> str | None:
     """Return in one line what objects of metrics idealise; None if nothing."""
     subjects, sources = dict[str, list[str]](), dict[str, None]()
-    for subject, entries in _list_by_subject(result).items():
+    for subject, entries in _map_idealisations(result).items():
         subjects.setdefault(", ".join(entry["label"] for entry in entries), []).append(subject)
         sources |= dict.fromkeys(entry["source"] for entry in entries if entry["source"])
     labels = {text: join_names(names) for text, names in subjects.items() if text}
@@ -205,6 +205,7 @@ def describe_idealisations(result: Result) -> str | None:
     return f"Idealised: {'; '.join(parts)} ({values}metrics.json has the option for each)"
 
 
-def _list_by_subject(result: Result) -> dict[str, Sequence[Mapping[str, str]]]:
+def _map_idealisations(result: Result) -> dict[str, Sequence[Mapping[str, str]]]:
+    """Return what each object of metrics idealises, by its name."""
     kinds = result.metrics.values()
     return {of: figures[IDEALISED] for kind in kinds for of, figures in kind.items() if IDEALISED in figures}

@@ -23,7 +23,7 @@ _MOST_COLUMNS, _MOST_SIGNALS = 24, 20
 def render_cell(result: Result) -> str:
     """Return a result as HTML for a cell, with the texts and numbers that terminal and page show."""
     verdict, sentences = tables.describe_ending(result)
-    picture, reason = _draw(result)
+    picture, reason = _draw_summary(result)
     has_metrics = any(result.metrics.values())
     names, rows = list_signal_texts(result, _MOST_SIGNALS)
     return render_template(
@@ -55,8 +55,8 @@ def render_cell(result: Result) -> str:
     )
 
 
-def _draw(result: Result) -> tuple[str, str]:
-    """Return the address of a picture of the main signals, or why there is none."""
+def _draw_summary(result: Result) -> tuple[str, str]:
+    """Return the address of a picture of the main signals, and why there is none; one of both is empty."""
     try:
         picture = to_png(plot_summary(result))
     except (CosimError, OSError) as error:  # the file of the table may be deleted
@@ -107,7 +107,7 @@ def render_system(
             {c.name: _describe_source(c) for c in system.components}, link_components(system.connections)
         ),
         arrow=make_arrow_id(title),
-        components=[ComponentRow(c.name, _describe_source(c), _list_starts(c)) for c in system.components],
+        components=[ComponentRow(c.name, _describe_source(c), _format_starts(c)) for c in system.components],
         connections=[str(connection) for connection in system.connections],
         most=MOST,
         counted=format_count,
@@ -126,7 +126,7 @@ def _describe_source(component: Component) -> str:
     return component.model.__name__ if isinstance(component.model, type) else component.model
 
 
-def _list_starts(component: Component) -> str:
+def _format_starts(component: Component) -> str:
     starts = [f"{name} = {value}" for name, value in component.parameters.items()]
     more = [f"and {len(starts) - _MOST_STARTS} more"] if len(starts) > _MOST_STARTS else []
     return ", ".join([*starts[:_MOST_STARTS], *more])

@@ -54,7 +54,7 @@ class OutputFolder(Folder):
         report: bool = False,
         overwrite: bool = False,
     ) -> None:
-        """Prepare the folder, and check that its files can be written.
+        """Check that the files can be written, and create the folder.
 
         Args:
             path: The folder.
@@ -97,7 +97,7 @@ class OutputFolder(Folder):
             raise CommandError(f"{problem}, or choose another output folder.")
 
     def recorders(self, scenario: str, continued: bool) -> list[Recorder]:
-        """Return the recorders for the table of results; `continued` extends the table in this folder."""
+        """Return recorders that begin the folder and write its table; `continued` extends the present one."""
         return [_FolderStarter(self, scenario, continued), self.table()]
 
     def table(self) -> Table:
@@ -215,12 +215,12 @@ class OutputFolder(Folder):
         self.write_json(RECORD, self._read_record() | entries)
 
     def status(self) -> str:
-        """Return the status in run.json, or nothing without a run.json."""
+        """Return the status in run.json; an empty text without a valid run.json."""
         with report_write_errors(self.path):
             return str(self._read_record().get("status", ""))
 
     def _read_record(self) -> dict[str, Any]:
-        """Return the content of run.json, or nothing if it is missing or invalid."""
+        """Return the content of run.json; empty if it is missing or invalid."""
         path = self._real_path / RECORD
         try:
             content = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
@@ -244,6 +244,7 @@ class _FolderStarter(Recorder):
 
 
 def _encode_rows(columns: Mapping[str, Any], texts: Texts) -> Vector:
+    """Return columns as rows of numbers; texts become their numbers in `texts`, which keeps them."""
     numbers = (
         np.array([texts.encode(text) for text in values]) if values.dtype == object else values
         for values in columns.values()

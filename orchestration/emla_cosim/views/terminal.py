@@ -111,26 +111,27 @@ def show(content: RenderableType, asked_for: bool = False, **how: Any) -> None:
     # what a command is for is shown also with --quiet
     if _verbosity.quiet and not asked_for:
         return
-    with _flush_output():
+    with _report_output_errors():
         OUT.print(content, **how)
 
 
 def show_table(table: Table) -> None:
     """Print a table as wide as the terminal, or without a terminal so wide that no cell is folded."""
-    with _flush_output():
+    with _report_output_errors():
         # programs that read the table need whole names
         (OUT if OUT.is_terminal else _SafeConsole(width=_UNFOLDED_WIDTH)).print(table)
 
 
 def print_exactly(text: str) -> None:
     """Print a text for programs without changes. Raise CosimError if standard output cannot be written."""
-    with _flush_output():
+    with _report_output_errors():
         OUT.file.write(text)
         OUT.file.flush()
 
 
 @contextmanager
-def _flush_output() -> Iterator[None]:
+def _report_output_errors() -> Iterator[None]:
+    """Raise CosimError if standard output cannot be written inside a `with` block."""
     try:
         yield
     except (OSError, ValueError) as error:

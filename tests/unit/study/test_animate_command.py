@@ -15,7 +15,7 @@ from tests.support.whole_files import names
 RUN = ("run", "hdrm-replay", "--stop-time", "0.4", "--no-plots", "--output", "out")
 
 
-def test_run_writes_a_gif(emla: Emla) -> None:
+def test_run_writes_a_gif_that_the_next_run_removes(emla: Emla) -> None:
     result = emla(*RUN, "--animate")
     assert result.exit_code == 0, result.output
     assert "manipulator.gif" in result.stdout

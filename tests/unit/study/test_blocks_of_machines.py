@@ -65,7 +65,7 @@ def test_plant_has_the_mechanics_of_the_joints() -> None:
     assert plant["screw.lead"] == [emla.lead for emla in emlas]
 
 
-def test_file_is_written_once(tmp_path: Path) -> None:
+def test_changed_machine_gets_its_own_file(tmp_path: Path) -> None:
     path = tmp_path / "boom.toml"
     path.write_text(LIFT, encoding="utf-8")
     first = ec.read_machine_blocks(path)

@@ -104,7 +104,7 @@ def test_wrong_entries(old: str, new: str, expected: str) -> None:
     assert expected in message(old, new)
 
 
-def test_inertias_in_space() -> None:
+def test_wrong_inertias_in_space_are_refused() -> None:
     content = tomllib.loads(
         LIFT.replace("dimensions = 2", "dimensions = 3")
         .replace("points = { pin = [0.6, 0.1] }", "points = { pin = [0.6, 0.1, 0.0] }")

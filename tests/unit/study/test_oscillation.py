@@ -184,7 +184,7 @@ def test_any_blocks_and_checkpoints_give_the_same_oscillation() -> None:
 
 
 @pytest.mark.parametrize("step", [1e-3, 5e-3, 2e-5])
-def test_other_steps(step: float) -> None:
+def test_lasting_tone_is_found_and_decaying_one_is_not_at_other_steps(step: float) -> None:
     actual = oscillation_of(step=step, torque=tone(14.0, 0.0, 20.0))
     assert actual["oscillation"]["frequency_Hz"] == pytest.approx(14.0, rel=0.05)
     assert oscillation_of(step=step, torque=tone(14.0, -0.5, 20.0))["oscillation"] is None

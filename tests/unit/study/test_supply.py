@@ -63,7 +63,7 @@ def test_sags_of_disturbances_are_kept(fmu_folder: Path) -> None:
     assert signals[name][-1] == pytest.approx(0.8 * signals[name][0], rel=1e-2)
 
 
-def test_systems_without_it_do_not_change() -> None:
+def test_supply_changes_no_other_component() -> None:
     assert SUPPLY not in {c.name for c in ec.load("study-drive").system.components}
     shared, unshared = ec.load("study-drive", supply=True).system, ec.load("study-drive").system
     remaining = [c for c in shared.components if c.name != SUPPLY]
@@ -81,7 +81,7 @@ def test_built_in_systems_share_a_supply(name: str) -> None:
     assert {f"{drive}.P_el -> {SUPPLY}.joint.P_el[{i}]" for i, drive in enumerate(drives, 1)} <= inputs
 
 
-def test_messages() -> None:
+def test_too_many_joints_and_another_voltage_are_reported() -> None:
     with pytest.raises(ec.CommandError, match="for 1 to 8 joints"):
         supply_components({f"joint_{i}.plant": 300.0 for i in range(9)}, {})
     changed = ec.load("lift", supply=True, set={"lift.plant.inverter.u_max": 300.0})

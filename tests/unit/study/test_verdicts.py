@@ -345,10 +345,10 @@ def test_criteria_with_units_and_joints() -> None:
         ({"position_window": 1.0}, "the criterion 'position_window' does not exist"),
         ({"crane.window_time": 1.0}, "the criterion 'crane.window_time' names 'crane', which is not a joint"),
         ({"lift.window_time": "2 mm"}, "the criterion 'lift.window_time' has"),
-        ({"lift.window_time": 0.0}, "'lift.window_time' is 0.0; it must be a positive number."),
-        ({"lift.over_speed": -0.1}, "it must be a positive number."),
+        ({"lift.window_time": 0.0}, "'lift.window_time' is 0.0; it must be a positive, finite number."),
+        ({"lift.over_speed": -0.1}, "it must be a positive, finite number."),
         ({"lift.over_speed": "much"}, "the criterion 'lift.over_speed' is 'much'"),
-        ({"lift.window_time": float("nan")}, "it must be a positive number."),
+        ({"lift.window_time": float("nan")}, "it must be a positive, finite number."),
     ],
 )
 def test_wrong_criteria_are_refused(criteria: dict[str, Any], words: str) -> None:

@@ -85,7 +85,7 @@ def folder_path(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("kind", [*NEVER, *FILES])
-def test_single_file(kind: str, overwrite: bool, folder_path: Path) -> None:
+def test_which_single_files_are_replaced(kind: str, overwrite: bool, folder_path: Path) -> None:
     path = folder_path / "out.json"
     (NEVER | FILES)[kind](path)
     before = states(folder_path.parent)
@@ -141,7 +141,7 @@ ALLOWED = list(HOLDERS)[:7]
 
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("kind", HOLDERS)
-def test_folder(kind: str, overwrite: bool, folder_path: Path) -> None:
+def test_which_folders_are_written(kind: str, overwrite: bool, folder_path: Path) -> None:
     for name, content in HOLDERS[kind].items():
         (folder_path / name).write_bytes(content)
     if kind == "new":

@@ -150,7 +150,7 @@ class Actuator(FileOrObject):
         if poles is not None and poles.number % 2.0:
             problems.append(f"motor.poles is {poles.text}; it must be even.")
         if all(isinstance(content, Mapping) for content in self.tables.values()):
-            problems += _check_combinations(self.tables)
+            problems += _describe_wrong_combinations(self.tables)
         return problems
 
     @property
@@ -225,7 +225,7 @@ class Actuator(FileOrObject):
         }
 
 
-def _check_combinations(tables: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+def _describe_wrong_combinations(tables: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     """Yield a message for each choice between entries that a sheet leaves open, or makes twice."""
     for table, keys in (*ONE_OF, *ANY_OF):
         existing = [key for key in keys if key in tables[table]]

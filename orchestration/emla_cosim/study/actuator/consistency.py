@@ -41,14 +41,14 @@ def find_contradictions(v: Values) -> Iterator[str]:
     for low, high in (("i_N", "i_max"), ("tau_N", "tau_max")):
         if v.get(f"motor.{low}", 0.0) > v.get(f"motor.{high}", float("inf")):
             yield f"motor.{low} is more than motor.{high}"
-    yield from _check_speed(v)
-    yield from _find_incomplete_pairs(v)
+    yield from _describe_excessive_speed(v)
+    yield from _describe_incomplete_pairs(v)
     plant = derived.plant(v)
     if "F_C" in plant and plant["F_S"] < plant["F_C"]:
         yield "friction.F_S is less than friction.F_C; the breakaway force cannot be smaller"
 
 
-def _find_incomplete_pairs(v: Values) -> Iterator[str]:
+def _describe_incomplete_pairs(v: Values) -> Iterator[str]:
     """Yield a message for each entry that means something only with another, and for a brake that is on."""
     for first, second in (("motor.tau_R", "motor.n_R"), ("inverter.C_DC", "inverter.U_brake")):
         if (first in v) != (second in v):
@@ -73,7 +73,7 @@ def remarks(v: Values) -> Iterator[str]:
         yield f"inverter.i_max leaves {inverter_torque:.4g} N m of the motor's {motor:.4g} N m"
 
 
-def _check_speed(v: Values) -> Iterator[str]:
+def _describe_excessive_speed(v: Values) -> Iterator[str]:
     """Yield a message if the back-EMF at the largest speed exceeds the inverter's voltage."""
     emla = derived.emla(v)
     speed = emla.alpha_RL * emla.v_max

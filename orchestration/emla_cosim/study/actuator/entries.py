@@ -27,7 +27,9 @@ class SheetEntry:
         example: A value as data sheets print it.
         rms: Factor from the rms to the peak value; None if the quantity has no such choice.
         between: Factor from a line-to-line value to that of a phase; None if there is no such choice.
-        positive: Whether zero is excluded.
+        about: Its meaning.
+        positive: Whether zero is excluded; not used for a signed entry.
+        signed: Whether it can be negative.
         is_integer: Whether it must be an integer.
         kind: float for a number, bool for true or false.
         choices: Allowed texts; the number is the position of the text.
@@ -250,7 +252,8 @@ def read_sheet_value(value: Any, entry: SheetEntry, label: str) -> SheetValue:
 
 
 def _read_number(text: str, entry: SheetEntry, label: str) -> float:
-    remainder, factor = _read_suffix(text, entry, label)
+    """Return the number of a text in the unit of the model: a peak value of a phase."""
+    remainder, factor = _remove_conventions(text, entry, label)
     for pattern, spelling in _SPELLINGS:
         remainder = pattern.sub(spelling, remainder)
     unit = replace(parse_unit_name(entry.unit or "1", label), is_difference=entry.is_difference)
@@ -271,8 +274,8 @@ def _read_number(text: str, entry: SheetEntry, label: str) -> float:
     )
 
 
-def _read_suffix(text: str, entry: SheetEntry, label: str) -> tuple[str, float]:
-    """Return the text without its conventions, and the factor that follows from them."""
+def _remove_conventions(text: str, entry: SheetEntry, label: str) -> tuple[str, float]:
+    """Return the text without its conventions, such as rms, and the factor that follows from them."""
     conventions = set[str]()
     for convention, pattern in _CONVENTIONS:
         text, count = pattern.subn(" ", text)
@@ -291,6 +294,7 @@ def _read_suffix(text: str, entry: SheetEntry, label: str) -> tuple[str, float]:
 
 
 def _check_range(number: float, entry: SheetEntry, fault: str) -> None:
+    """Raise CommandError if a number is out of range; its message begins with `fault`, such as "R is 0"."""
     if not math.isfinite(number):
         raise CommandError(f"{fault}; it must be a finite number.")
     if entry.positive and not entry.signed and number <= 0.0:

@@ -48,7 +48,7 @@ class _AssumedValue:
     is_scale: bool = False
 
 
-def _scale_with_frequency(name: str, power: int) -> _AssumedValue:
+def _make_frequency_gain(name: str, power: int) -> _AssumedValue:
     """Return a gain that is proportional to a power of the frequency of the load."""
     return _AssumedValue(
         name, _LOAD, (_STIFFNESS, _MASS), lambda p: math.sqrt(p.stiffness / p.m) ** power, is_scale=True
@@ -90,11 +90,11 @@ _ASSUMED_VALUES = (
         lambda p: resting_deflection(p.level, p.stiffness, p.backlash),
     ),
     # poles relative to the frequency of the load
-    _scale_with_frequency("feedback.k_0", 1),
-    _scale_with_frequency("feedback.k_2", -1),
-    _scale_with_frequency("l_1", 1),
-    _scale_with_frequency("l_2", 2),
-    _scale_with_frequency("l_3", 3),
+    _make_frequency_gain("feedback.k_0", 1),
+    _make_frequency_gain("feedback.k_2", -1),
+    _make_frequency_gain("l_1", 1),
+    _make_frequency_gain("l_2", 2),
+    _make_frequency_gain("l_3", 3),
 )
 
 
@@ -125,6 +125,7 @@ def describe_stale_parameters(system: System, options: Options) -> Iterator[str]
 
 
 def _shorten_names(names: Sequence[str]) -> str:
+    """Return the first names as a list in a sentence, and the number of the others."""
     more = len(names) - _MAX_NAMES
     return join_names([*names[:_MAX_NAMES], f"{more} more"] if more > 0 else names)
 
@@ -143,13 +144,16 @@ def _find_stale_by_joint(system: System, options: Options) -> dict[str, list[_St
     if not options.set:
         return {}
     roles = find_machine_roles(map(str, system.connections))
-    stale_by_joint = {j: list(_find_stale(j, find_element(j, roles), components, options)) for j in joints}
+    stale_by_joint = {
+        j: list(_find_stale_values(j, find_element(j, roles), components, options)) for j in joints
+    }
     return {joint: stale for joint, stale in stale_by_joint.items() if stale}
 
 
-def _find_stale(
+def _find_stale_values(
     joint: str, element: int | None, components: Mapping[str, Mapping[str, Value]], options: Options
 ) -> Iterator[_StaleValue]:
+    """Yield the model parameters of a joint that do not match its overridden plant."""
     for assumed in _ASSUMED_VALUES:
         plant = [_read_parameter(joint, element, name, components, options) for name in assumed.sources]
         changed_names = tuple(entry.name for entry in plant if entry.is_changed)
@@ -226,7 +230,7 @@ def _read_start_force(
     before, after = _read_float(name, value, {}), _read_float(name, value, options.set)
     plant = components.get(f"{joint}.plant", {})
 
-    def along(overrides: Mapping[str, Value]) -> float:
+    def read_stroke_force(overrides: Mapping[str, Value]) -> float:
         def read(variable: str) -> float | None:
             return read_number(f"{joint}.plant.{variable}", plant.get(variable), overrides)
 
@@ -236,7 +240,7 @@ def _read_start_force(
     if not any(variable.startswith("load.table.force") for variable in plant):
         return _Parameter(name, before, after)
     changed = name if not _is_same(before, after) else f"{joint}.plant.load.table"
-    return _Parameter(changed, before + along({}), after + along(options.set))
+    return _Parameter(changed, before + read_stroke_force({}), after + read_stroke_force(options.set))
 
 
 def _read_float(name: str, value: Value, overrides: Mapping[str, Value]) -> float:

@@ -57,6 +57,7 @@ def find_largest_load(joint: str, system: System, options: Options) -> float | N
 def _find_largest_force(
     p: SimpleNamespace, moments: Iterable[float], stroke_forces: Sequence[float]
 ) -> float:
+    """Return the largest magnitude in N of the load at these moments plus a force along the stroke."""
     forces = [Disturbance.load(Disturbance(), _set_time(p, t)) for t in moments]
     return max(abs(force + stroke_force) for force in forces for stroke_force in stroke_forces)
 
@@ -143,6 +144,7 @@ def _read_parameters(
 
 
 def _set_time(p: SimpleNamespace, time: float) -> SimpleNamespace:
+    """Set the time in these parameters, and return the same object."""
     p.time = time
     return p
 
@@ -179,15 +181,21 @@ def remarks(system: System, options: Options) -> Sequence[str]:
         warnings += _describe_heavy_load(joint, actuator, system, options)
         warnings += _describe_other_stiffness(joint, actuator, system)
     warnings += _describe_short_tables(system, options)
-    return [*warnings, *_check_gains(actuators, system, options), *describe_stale_parameters(system, options)]
+    return [
+        *warnings,
+        *_describe_foreign_gains(actuators, system, options),
+        *describe_stale_parameters(system, options),
+    ]
 
 
-def _check_gains(actuators: dict[str, Actuator], system: System, options: Options) -> Iterator[str]:
-    """Yield a warning if the gains were made for another actuator."""
+def _describe_foreign_gains(
+    actuators: dict[str, Actuator], system: System, options: Options
+) -> Iterator[str]:
+    """Yield a warning, without full stop, if the gains were made for another actuator."""
     if not actuators:
         return
     choice = choose_controller(
-        options.controller, options.gains, COMPLIANT if _list_compliant(system) else None
+        options.controller, options.gains, COMPLIANT if _list_compliant_plants(system) else None
     )
     name = choice.gain_set
     if choice.gains.has_controller_gains and name not in _ADAPTIVE_SETS:
@@ -228,10 +236,10 @@ def _describe_impossible(joint: str, actuator: Actuator, system: System, options
 
 
 def _describe_other_stiffness(joint: str, actuator: Actuator, system: System) -> Iterator[str]:
-    """Yield a warning, without full stop, if stiffness or backlash of an actuator lack or are not used."""
+    """Yield a warning, without full stop, if stiffness or backlash of an actuator are missing or not used."""
     entered = [entry for part in ACTUATOR_PARTS if (entry := f"compliance.{part}") in actuator.values]
     missing = [part for part in ACTUATOR_PARTS if f"compliance.{part}" not in actuator.values]
-    is_compliant = f"{joint}.plant" in _list_compliant(system)
+    is_compliant = f"{joint}.plant" in _list_compliant_plants(system)
     if not is_compliant and entered:
         verb = "is" if len(entered) == 1 else "are"
         yield f"{joint}: {join_names(entered)} {verb} not used, because the load is rigid here"
@@ -242,7 +250,7 @@ def _describe_other_stiffness(joint: str, actuator: Actuator, system: System) ->
         )
 
 
-def _list_compliant(system: System) -> list[str]:
+def _list_compliant_plants(system: System) -> list[str]:
     """Return the plants with loads that are not rigid."""
     models = {block.__name__ for block in COMPLIANT_PLANTS}
     return [c.name for c in system.components if c.model in models]

@@ -85,14 +85,14 @@ def build_gain_tables(
         rules: Functions that return gains, by rule.
         further: Further fields of the table.
     """
-    tables: dict[str | None, type[GainTable]] = {None: _build_table(f"{name} gains", values, further)}
+    tables: dict[str | None, type[GainTable]] = {None: _build_gain_table(f"{name} gains", values, further)}
     for rule, function in rules.items():
         tag = ("rule", Annotated[Literal[rule], describe("rule for the gains")])  # type: ignore[valid-type]
-        tables[rule] = _build_table(f"{name} gains by {rule}", function, [tag, *further])
+        tables[rule] = _build_gain_table(f"{name} gains by {rule}", function, [tag, *further])
     return tables
 
 
-def _build_table(name: str, function: Callable[..., Any], further: Sequence[Any]) -> type[GainTable]:
+def _build_gain_table(name: str, function: Callable[..., Any], further: Sequence[Any]) -> type[GainTable]:
     """Return the struct of a function: its arguments, and further fields."""
     hints = get_type_hints(function)
     fields = list[Any]()
@@ -152,7 +152,7 @@ def build_block_struct(block: type[Block], reserved: Mapping[str, str]) -> type[
             variable.attribute,
             _build_reserved_field(reserved[str(variable.name)])
             if str(variable.name) in reserved
-            else _get_type(variable),
+            else _get_field_type(variable),
             msgspec.field(name=str(variable.name), default=msgspec.UNSET),
         )
         for variable in block.layout().parameters
@@ -161,13 +161,15 @@ def build_block_struct(block: type[Block], reserved: Mapping[str, str]) -> type[
 
 
 def _build_reserved_field(remedy: str) -> Any:
+    """Return the type of a field that refuses every value, with a message that ends with `remedy`."""
+
     def refuse(_value: Any, at: Location, _folder: Path | None) -> NoReturn:
         raise CommandError(f"{at.label} must not be set here; {remedy}.")
 
     return Annotated[Any, describe(read=refuse, extra_json_schema={"not": {}})]
 
 
-def _get_type(variable: Variable) -> Any:
+def _get_field_type(variable: Variable) -> Any:
     """Return the type of a parameter: a number, or a tuple of them for an array."""
     if variable.fmi_type != "Real":
         type_ = bool if variable.fmi_type == "Boolean" else int

@@ -41,7 +41,7 @@ class StrokeTable(NamedTuple):
         return {"position": position, "force": force, "interpolation": self.interpolation}
 
     def check(self) -> "StrokeTable":
-        """Return the table; raise ValueError if its points cannot be used."""
+        """Return this table unchanged; raise ValueError if its points cannot be used."""
         count = len(self.position)
         if count != len(self.force):
             raise ValueError(
@@ -57,12 +57,13 @@ class StrokeTable(NamedTuple):
         return self
 
     def _fill(self) -> tuple[list[float], list[float]]:
+        """Return positions and forces of as many points as the plant has; the last point is repeated."""
         missing = stroke_load.POINTS - len(self.position)
         return [*self.position, *[self.position[-1]] * missing], [*self.force, *[self.force[-1]] * missing]
 
 
 def read_plant_table(value: Callable[[str], float | None]) -> StrokeTable | None:
-    """Return the load along the stroke of a plant; None if it has none, or an unknown value.
+    """Return the load along the stroke of a plant; None if a value is unknown, or all forces are 0.
 
     Args:
         value: Returns the plant's parameter of an FMI name; None if it is unknown.

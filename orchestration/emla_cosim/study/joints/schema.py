@@ -170,7 +170,7 @@ def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path)
 
 
 def _complete_run_options(options: dict[str, Any], joint: str) -> dict[str, Any]:
-    """Return the options of the joint's scenario; names of components lack the joint."""
+    """Return the options with the joint's name put before those of its components; changes `options`."""
     if isinstance(options.get("order"), list):
         options["order"] = [f"{joint}.{role}" for role in options["order"]]
     if isinstance(options.get("step_multiples"), Mapping):
@@ -183,6 +183,7 @@ def _build_observer_set(table: Any) -> ObserverSet:
 
 
 def _build_gain_set(table: Any, observers: Mapping[str, ObserverSet], label: str) -> GainSet:
+    """Return the set of gains of a table; raise CommandError if it names a missing set of the observer."""
     # most sets serve both
     machine: GainTable = table if table.on_machine is None else table.on_machine
     if not isinstance(table.observer, str):

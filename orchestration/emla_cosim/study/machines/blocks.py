@@ -78,7 +78,7 @@ def build_machine_blocks(
     if actuators is None and set(machine.actuators) <= set(list_joint_names()):
         actuators = [load_actuator(joint).emla for joint in machine.actuators]
     is_manipulator = name == MANIPULATOR and machine == load_machine(MANIPULATOR)
-    names = _MANIPULATOR_NAMES if is_manipulator else _block_names(name)
+    names = _MANIPULATOR_NAMES if is_manipulator else _make_block_names(name)
     try:
         text = write_module(
             machine,
@@ -178,7 +178,7 @@ class _BlockNames:
 _MANIPULATOR_NAMES = _BlockNames(MANIPULATOR, "HdrmManipulator", "HdrmPlant", Trajectory.__name__)
 
 
-def _block_names(name: str) -> _BlockNames:
+def _make_block_names(name: str) -> _BlockNames:
     """Return the names of a machine's module and blocks."""
     words = re.findall(r"[A-Za-z0-9]+", name)
     module = "_".join(words) or "machine"

@@ -28,7 +28,9 @@ _NUMBER_START = "0123456789.,+"
 def number(
     unit: str, about: str, example: Any = None, ge: float = -math.inf, le: float = math.inf
 ) -> msgspec.Meta:
-    """Annotate `float | str`: a number, a text with a unit, or the name of a parameter, also with a minus.
+    """Return the annotation of a `float | str`: a number, also with a unit, or the name of a parameter.
+
+    The name can have a minus before it.
 
     Args:
         unit: Its unit.
@@ -39,7 +41,7 @@ def number(
     """
 
     def read(value: Any, at: Location, folder: Path | None) -> Number:
-        x = _read_number(value, unit, at, folder)
+        x = _read_number_or_name(value, unit, at, folder)
         if not isinstance(x, str) and not ge <= x <= le:
             limit = f"at least {ge:g}" if x < ge else f"at most {le:g}"
             raise CommandError(f"{at.label} is {value!r}; it must be {limit}.")
@@ -49,7 +51,7 @@ def number(
 
 
 def numbers(unit: str, about: str, example: Any = None, counts: tuple[int, ...] = ()) -> msgspec.Meta:
-    """Annotate a list of such numbers, or a single one.
+    """Return the annotation of a list of numbers as those of `number`, or of a single one.
 
     Args:
         unit: Their unit.
@@ -64,13 +66,13 @@ def numbers(unit: str, about: str, example: Any = None, counts: tuple[int, ...] 
             raise CommandError(
                 f"{at.label} is {value!r}; it must have {' or '.join(map(str, counts))} numbers."
             )
-        return tuple(_read_number(x, unit, x_at, folder) for x, x_at in items)
+        return tuple(_read_number_or_name(x, unit, x_at, folder) for x, x_at in items)
 
     return describe(_describe_quantity(about, unit), example, read=read)
 
 
 def joint_values(about: str, example: Any = None) -> msgspec.Meta:
-    """Annotate a list of angles in rad and distances in m, or a single one."""
+    """Return the annotation of a list of angles in rad and distances in m, or of a single one."""
 
     def read(value: Any, at: Location, folder: Path | None) -> tuple[float, ...]:
         return tuple(_read_joint_value(x, x_at, folder) for x, x_at in _list_items(value, at))
@@ -86,6 +88,7 @@ def _list_items(value: Any, at: Location) -> list[tuple[Any, Location]]:
 
 
 def _read_joint_value(value: Any, at: Location, folder: Path | None) -> float:
+    """Return an angle in rad or a distance in m; raise CommandError for other units."""
     if isinstance(value, str):
         for unit in ("rad", "m"):
             with suppress(CommandError):
@@ -95,7 +98,7 @@ def _read_joint_value(value: Any, at: Location, folder: Path | None) -> float:
 
 
 def point_table() -> msgspec.Meta:
-    """Annotate a table of points by name."""
+    """Return the annotation of a table of points by name."""
 
     def read(value: Any, at: Location, folder: Path | None) -> dict[str, Point]:
         if not isinstance(value, Mapping):
@@ -106,7 +109,7 @@ def point_table() -> msgspec.Meta:
 
 
 def corner_list(subject: str) -> msgspec.Meta:
-    """Annotate a list of corners, each a point, or the name of a point of the same body."""
+    """Return the annotation of a list of corners, each a point, or the name of a point of the same body."""
 
     def read(value: Any, at: Location, folder: Path | None) -> tuple[Point, ...]:
         if not isinstance(value, (list, tuple)) or len(value) < 3:
@@ -124,7 +127,8 @@ def _describe_quantity(about: str, unit: str) -> str:
     return f"{about} [{unit}], or a parameter" if unit else f"{about}, or a parameter"
 
 
-def _read_number(value: Any, unit: str, at: Location, folder: Path | None) -> Number:
+def _read_number_or_name(value: Any, unit: str, at: Location, folder: Path | None) -> Number:
+    """Return a number in `unit`, or the text of a name of a parameter, which is not looked up."""
     if isinstance(value, str):
         text = value.strip()
         if text.removeprefix("-")[:1] not in _NUMBER_START:
@@ -158,25 +162,26 @@ else:  # as files have them
 def _read_point(value: Any, at: Location, folder: Path | None) -> Point:
     """Return a point of a list of coordinates, or of a table."""
     if not isinstance(value, Mapping):
-        return Point(_read_list(value, ("m", "m", "m"), (2, 3), at, folder))
+        return Point(_read_fixed_list(value, ("m", "m", "m"), (2, 3), at, folder))
     table = convert_at(value, PointTable, at, folder)
     if table.polar is None and not table.position and table.origin is None:
         raise CommandError(f"{at.label} has neither position nor polar; write one of them.")
     polar = None
     if table.polar is not None:
-        radius, angle = _read_list(table.polar, ("m", "rad"), (2,), at.entry("polar"), folder)
+        radius, angle = _read_fixed_list(table.polar, ("m", "rad"), (2,), at.entry("polar"), folder)
         polar = radius, angle
     return Point(tuple(table.position), polar, table.origin)
 
 
-def _read_list(
+def _read_fixed_list(
     value: Any, units: tuple[str, ...], counts: tuple[int, ...], at: Location, folder: Path | None
 ) -> tuple[Number, ...]:
+    """Return a list with one of these counts of numbers, each in its unit; raise CommandError otherwise."""
     if not isinstance(value, (list, tuple)) or len(value) not in counts:
         expected = " or ".join(map(str, counts))
         raise CommandError(f"{at.label} is {value!r}; it must be a list of {expected} numbers.")
     pairs = zip(value, units, strict=False)
-    return tuple(_read_number(x, unit, at.item(i), folder) for i, (x, unit) in enumerate(pairs, 1))
+    return tuple(_read_number_or_name(x, unit, at.item(i), folder) for i, (x, unit) in enumerate(pairs, 1))
 
 
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
@@ -224,6 +229,7 @@ def check_names(where: str, names: Iterable[str], label: str) -> None:
 
 
 def _check_points(where: str, points: Iterable[tuple[str, Point]], dimensions: int, label: str) -> None:
+    """Raise CommandError for invalid names of points, and for positions with another number of dimensions."""
     for name, point in points:
         check_names(where, [name], label)
         if point.position:
@@ -231,6 +237,7 @@ def _check_points(where: str, points: Iterable[tuple[str, Point]], dimensions: i
 
 
 def _check_body(where: str, body: "BodyTable", dimensions: int) -> None:
+    """Raise CommandError if axis, centre or inertia of a body are impossible or do not fit the dimensions."""
     for key in ("axis", "rotation"):
         if any(isinstance(x, str) for x in getattr(body, key) or ()):
             raise CommandError(f"'{key}' in {where} names a parameter; write numbers.")

@@ -117,7 +117,7 @@ def find_maps(machine: "MachineModel", strokes: Vector) -> list[Map]:
     ]
     # a picture has two axes
     largest_first = np.argsort(changes, axis=0)[::-1][:2]
-    return [_find_map(machine, i, sorted(map(int, largest_first[:, i]))) for i in range(count)]
+    return [_compute_map(machine, i, sorted(map(int, largest_first[:, i]))) for i in range(count)]
 
 
 def find_levers(machine: "MachineModel", strokes: Vector, actuator: int) -> Vector:
@@ -129,7 +129,8 @@ def find_levers(machine: "MachineModel", strokes: Vector, actuator: int) -> Vect
     return np.round(levers, _DIGITS)  # contours of a constant would follow its rounding errors
 
 
-def _find_map(machine: "MachineModel", actuator: int, axes: Sequence[int]) -> Map:
+def _compute_map(machine: "MachineModel", actuator: int, axes: Sequence[int]) -> Map:
+    """Return forces and levers of an actuator over the strokes of these actuators."""
     # Newton's method takes much longer than a formula
     count = _FEWER_SIDES if machine.closure.iterated else _SIDES
     sides = [np.linspace(machine.q_LB[i], machine.q_UB[i], count) for i in axes]

@@ -227,7 +227,7 @@ def collect_machine(
         dimensions=model.dimensions,
         bodies=tuple(_build_body_info(model, name) for name in model.machine.bodies),
         actuators=actuators,
-        closures=tuple(_list_closures(model)),
+        closures=tuple(_list_closure_steps(model)),
         passive=passive,
         degrees_of_freedom=len(actuators) + len(passive),
         payload=None if machine.payload is None else model.payload,
@@ -281,7 +281,8 @@ def _build_body_info(model: MachineModel, name: str) -> BodyInfo:
     return BodyInfo(name, joint.kind, on, model.machine.value(body.m), joint.is_passive)
 
 
-def _list_closures(model: MachineModel) -> list[ClosureInfo]:
+def _list_closure_steps(model: MachineModel) -> list[ClosureInfo]:
+    """Return the steps in which poses are found: their coordinates, lengths and methods."""
     mechanism, closure, closures = model.mechanism, model.closure, []
     loops = list(model.machine.loops)
     for step in closure.steps:
@@ -295,5 +296,6 @@ def _list_closures(model: MachineModel) -> list[ClosureInfo]:
 
 
 def _name_coordinates(model: MachineModel, coordinates: "tuple[int, ...] | list[int]") -> tuple[str, ...]:
+    """Return the names of the frames that these coordinates move."""
     frames = model.mechanism.frames
     return tuple(frames[model.mechanism.frame_of(i)].name for i in coordinates)

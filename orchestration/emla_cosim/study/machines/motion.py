@@ -132,7 +132,7 @@ class Motion:
 
     @property
     def first(self) -> Mapping[str, float]:
-        """The stroke of each actuator in m at 0 s."""
+        """The stroke of each actuator in m at 0 s, or at the end of the motion that is nearest to it."""
         row = self.spline.evaluated([min(max(0.0, self.spline.start), self.spline.end)])[0]
         return dict(zip(self.spline.joints, row.tolist(), strict=True))
 
@@ -257,7 +257,7 @@ def _read_array(values: Mapping[str, Value], name: str) -> list[float]:
 
 
 def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Block], system: System) -> str:
-    """Return a message on what the machine of a motion's problem has and that of the system has not.
+    """Return a message on the differences of a motion's machine from that of the system; empty without any.
 
     Args:
         problem: The problem that the motion solves.

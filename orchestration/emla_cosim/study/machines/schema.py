@@ -282,7 +282,7 @@ def build_machine(table: MachineTable, label: str, folder: Path | None = None) -
         bodies, ground = _read_urdf_bodies(table, table.urdf, label)
         check_names("urdf", bodies, label)
     try:
-        machine = _build_machine(table, bodies, ground, label, folder)
+        machine = _convert_tables(table, bodies, ground, label, folder)
         # raises MachineError for what only all entries together show
         find_closure(machine)
         locate_outlines(machine)
@@ -309,13 +309,14 @@ def _read_urdf_bodies(
     return bodies, {**ground, **table.ground.points}
 
 
-def _build_machine(
+def _convert_tables(
     table: MachineTable,
     bodies: Mapping[str, Body],
     ground: Mapping[str, Point],
     label: str,
     folder: Path | None,
 ) -> Machine:
+    """Return the machine of a table with these bodies; what only all entries together show is not checked."""
     payload = table.payload
     return Machine(
         dimensions=3 if table.dimensions == 3 else 2,
@@ -332,6 +333,7 @@ def _build_machine(
 
 
 def _list_parameters(tables: Mapping[str, ParameterTable]) -> Iterator[tuple[str, Parameter]]:
+    """Yield parameters with their names; those of a list end with [1], [2] and so on."""
     for name, table in tables.items():
         is_list = len(table.value) > 1
         for i, value in enumerate(table.value, 1):
@@ -358,6 +360,11 @@ def _build_body(table: BodyTable) -> Body:
 
 
 def _build_actuator(name: str, table: ActuatorTable, label: str, folder: Path | None) -> Actuator:
+    """Return an actuator; what its table leaves out is that of its joint.
+
+    Raises:
+        CommandError: The joint is wrong, or the stroke is missing or does not fit.
+    """
     m, motor_m, stroke = table.m, table.motor_m, table.stroke
     if m is None or motor_m is None or stroke is None:
         from .machine_joints import find_joint  # loads the tables of controllers

@@ -143,7 +143,7 @@ def build_machine_system(
     mode = mode or COUPLED
     check_choice("mode", mode, MODES)
     if mode == MERGED:
-        _check_merged(file, actuators)
+        _check_merged_support(file, actuators)
     mode_data = _MODES[mode]
     motion = load_motion(trajectory, list(file.joints)) if trajectory is not None else file.motion
     motion_start = file.start if motion is None else motion.first
@@ -193,7 +193,8 @@ def build_machine_system(
     return replace(system, bonds=bonds, record={"machine": record})
 
 
-def _check_merged(file: MachineFile, actuators: Actuators) -> None:
+def _check_merged_support(file: MachineFile, actuators: Actuators) -> None:
+    """Raise CommandError if an actuator has friction or end stops, which the merged plant lacks."""
     is_paper = file.machine == load_machine_file(MANIPULATOR).machine
     remedy = "run hdrm-coupled" if is_paper else f"set --mode {COUPLED}"
     for joint, joint_file in file.joints.items():
@@ -297,7 +298,7 @@ def _choose_default_options(file: MachineFile, options: Options) -> dict[str, An
     return {**defaults, **({"step_multiples": steps} if steps else {})}
 
 
-def _build_built_in(name: str, *arguments: Any, **options: Any) -> System:
+def _build_built_in_system(name: str, *arguments: Any, **options: Any) -> System:
     """Return the system of a machine that comes with the study; the paper's has its optimised motion."""
     file = load_machine_file(name)
     if name == MANIPULATOR:
@@ -309,10 +310,10 @@ BUILT_IN = tuple(name for name in list_machine_names() if name != MANIPULATOR)
 """The machines that are scenarios by their name: all but the paper's, which has one for each mode."""
 
 SYSTEMS: dict[str, Callable[..., System]] = {
-    "hdrm-replay": partial(_build_built_in, MANIPULATOR, mode=REPLAYED),
-    "hdrm-coupled": partial(_build_built_in, MANIPULATOR, mode=COUPLED),
-    "hdrm-merged": partial(_build_built_in, MANIPULATOR, mode=MERGED),
-    **{name: partial(_build_built_in, name) for name in BUILT_IN},
+    "hdrm-replay": partial(_build_built_in_system, MANIPULATOR, mode=REPLAYED),
+    "hdrm-coupled": partial(_build_built_in_system, MANIPULATOR, mode=COUPLED),
+    "hdrm-merged": partial(_build_built_in_system, MANIPULATOR, mode=MERGED),
+    **{name: partial(_build_built_in_system, name) for name in BUILT_IN},
 }
 """Systems of machines by name, made for a controller and its gains."""
 

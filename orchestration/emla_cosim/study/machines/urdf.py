@@ -83,6 +83,7 @@ def _sort_parents_first(joints: Iterable[Any], root: str) -> list[Any]:
 
 
 def _list_points(joints: Iterable[Any], link: str) -> dict[str, Point]:
+    """Return the points at which a link carries joints, by the names of these joints."""
     return {joint.name: Point(_read_position(joint.origin)) for joint in joints if joint.parent == link}
 
 

@@ -61,7 +61,7 @@ class Movement:
 
 
 def animated_signals(names: Collection[str], roles: Mapping[str, str]) -> list[str] | None:
-    """Return the strokes, reference strokes and forces among the signals; None without a machine."""
+    """Return the strokes, reference strokes and forces among the signals; None if one of them is missing."""
     joints = [joint for joint in list_joints_with_roles(roles) if find_element(joint, roles) is not None]
     signals_by_role = [_find_signals(joints, role, names, roles) for role in (STROKE, REFERENCE, FORCE)]
     has_machine = any(name.startswith(f"{machine}.") for name in names for machine in COMPONENTS)
@@ -91,7 +91,9 @@ def list_recorded_signals(result: Result) -> list[str]:
 
 
 def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None:
-    """Return the movement of a run, as far as the machine closes; None if it is unknown.
+    """Return the movement of a run until the machine no longer closes; None for fewer than two rows.
+
+    Also None without a machine, or if neither strokes nor reference strokes were recorded.
 
     `data` has the columns of `list_recorded_signals`, and `time`.
     """
@@ -126,6 +128,7 @@ def _find_signals(
 def _stack_columns(
     machine: "MachineModel", role: str, data: Mapping[str, Vector], roles: Mapping[str, str]
 ) -> Vector | None:
+    """Return the signals of a role as columns, one for each actuator; None if an actuator lacks it."""
     names = _find_signals(machine.names, role, data, roles)
     return np.column_stack([data[name] for name in names]) if names else None
 
@@ -138,7 +141,7 @@ def _find_passive_signals(machine: "MachineModel", names: Collection[str], resul
 
 
 def _find_payload_driver(result: Result) -> str | None:
-    """Return the signal that drives the payload, if it was recorded."""
+    """Return the signal that drives the payload; None if there is none, or if it was not recorded."""
     target = f"{find_component(result)}.payload.m"
     ends = (text.partition(" -> ") for text in result.record["connections"])
     source = next((source for source, _, end in ends if f"{end} ".startswith(f"{target} ")), None)

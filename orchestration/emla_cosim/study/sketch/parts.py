@@ -109,6 +109,7 @@ class MachineParts:
         return postures
 
     def _build_body(self, body: str) -> Iterator[Part]:
+        """Yield the parts of a body: its outline if it has one, a plate, or a beam with brackets."""
         layout, unit = self._layout, self.unit
         is_flat = self._model.dimensions == 2
         if body in layout.outlines:
@@ -247,6 +248,7 @@ def _build_hull(name: str, look: str, points: Vector, radius: float) -> Part:
 
 
 def _build_outlined(body: str, corners: Vector, unit: float) -> Part:
+    """Return the part within an outline; in space a plate or a convex solid."""
     if corners.shape[1] == 2:
         return Part(body, "body", corners, np.zeros(len(corners)))
     spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)

@@ -138,7 +138,7 @@ def convex_line(points: Vector) -> Vector:
     """
     in_order = sorted(set(map(tuple, points.tolist())))
 
-    def follow(points: Sequence[Sequence[float]]) -> list[Sequence[float]]:
+    def build_chain(points: Sequence[Sequence[float]]) -> list[Sequence[float]]:
         line = list[Sequence[float]]()
         for x, y in points:
             while len(line) > 1 and not _is_left_turn(line[-2], line[-1], (x, y)):
@@ -146,7 +146,7 @@ def convex_line(points: Vector) -> Vector:
             line.append((x, y))
         return line[:-1]
 
-    return np.array([*follow(in_order), *follow(in_order[::-1])])
+    return np.array([*build_chain(in_order), *build_chain(in_order[::-1])])
 
 
 def _is_left_turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> bool:

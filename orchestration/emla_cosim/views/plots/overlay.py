@@ -25,9 +25,9 @@ from .stacked import (
     build_unit_panels,
     count_panels,
     draw_stacked,
-    fit_panels,
+    make_numbered_line,
     name_values,
-    number_line,
+    select_fitting_signals,
 )
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def read_traces(paths: Sequence[Path]) -> list[Traces]:
     names = [path.resolve().name for path in paths]
     # folders of the same name need their paths
     labels = names if len(set(names)) == len(names) else [str(path) for path in paths]
-    return [_read_trace(path, label) for path, label in zip(paths, labels, strict=True)]
+    return [_read_run(path, label) for path, label in zip(paths, labels, strict=True)]
 
 
 def plot_signals(
@@ -89,7 +89,7 @@ def plot_signals(
     for name in patterns:
         if not find_names(name, result.names, main):
             result.read([name])  # raises an error with a suggestion
-    return overlay_runs([_trace_result(result)], patterns, title=title, layout=layout).figure
+    return overlay_runs([_build_traces(result)], patterns, title=title, layout=layout).figure
 
 
 def plot_summary(result: "Result") -> "Figure":
@@ -98,13 +98,13 @@ def plot_summary(result: "Result") -> "Figure":
     Raises:
         CommandError: If no signal with numbers was recorded.
     """
-    run = _trace_result(result)
+    run = _build_traces(result)
     names = [name for name in run.names if not run.types.get(name, REAL).is_text]
     selected, _ = _choose_default_signals([run], names, run.units, run.types, _FEW_PANELS)
     return overlay_runs([run], selected, title="").figure
 
 
-def _trace_result(result: "Result") -> Traces:
+def _build_traces(result: "Result") -> Traces:
     units = {name: str(unit) for name, unit in result.units.items() if unit is not None}
     main = find_main_component(result.record)
     return Traces(result.name, result.names, units, result.types, result, result.roles, main=main)
@@ -153,7 +153,7 @@ def overlay_runs(
     notes += [*(note for run in runs for note in run.notes), *_describe_missing(runs, selected)]
     data = list[Mapping[str, Vector]]()
     for run in runs:
-        rows, left_out = _read_between(run, selected, begin, end)
+        rows, left_out = _read_rows_between(run, selected, begin, end)
         data.append(rows)
         notes += [f"{run.label}: {left_out}."] if left_out else []
     if not any(len(columns["time"]) for columns in data):
@@ -161,7 +161,9 @@ def overlay_runs(
     if len(runs) == 1:
         panels = build_unit_panels(selected, units, data[0], runs[0].label, types)
     else:
-        panels = [panel for name in selected for panel in _overlay_signal(name, runs, units, types, data)]
+        panels = [
+            panel for name in selected for panel in _build_signal_panels(name, runs, units, types, data)
+        ]
     if title is None and layout == SCREEN:
         title = ", ".join(run.label for run in runs)
     return Overlay(draw_stacked(panels, title, LAYOUTS[layout]), notes)
@@ -187,7 +189,7 @@ def _select_signals(
     return selected
 
 
-def _read_trace(path: Path, label: str) -> Traces:
+def _read_run(path: Path, label: str) -> Traces:
     stored = open_stored_run(path, "the run")
     record = stored.path.parent / "run.json"
     content = _read_record(record)
@@ -220,14 +222,18 @@ def _choose_default_signals(
     names: Sequence[str],
     units: Mapping[str, str],
     types: Mapping[str, SignalType],
-    panels: int = MOST_PANELS,
+    most_panels: int = MOST_PANELS,
 ) -> tuple[list[str], list[str]]:
-    """Return the signals to plot in so many panels without a pattern, and a remark if some are left out."""
+    """Return the signals to plot without a pattern, and remarks on those that the panels have no room for."""
     roles = {role: name for run in runs for role, name in run.roles.items()}
     pairs = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
     candidates = list(dict.fromkeys(name for pair in pairs for name in pair)) or list(names)
     is_single = len(runs) == 1
-    fitting = fit_panels(candidates, units, types, panels) if is_single else candidates[:panels]
+    fitting = (
+        select_fitting_signals(candidates, units, types, most_panels)
+        if is_single
+        else candidates[:most_panels]
+    )
     if len(fitting) == len(names):
         return fitting, []
     return fitting, [f"{len(fitting)} of {len(names)} signals are plotted; --signals selects others."]
@@ -244,7 +250,7 @@ def _describe_missing(runs: Sequence[Traces], selected: Sequence[str]) -> list[s
     return notes
 
 
-def _read_between(
+def _read_rows_between(
     run: Traces, selected: Sequence[str], begin: float | None, end: float | None
 ) -> tuple[dict[str, Vector], str]:
     """Return the run's signals and `time` between two times, and a note on rows that are left out."""
@@ -255,7 +261,7 @@ def _read_between(
     return {name: values[inside] for name, values in data.items()}, left_out
 
 
-def _overlay_signal(
+def _build_signal_panels(
     name: str,
     runs: Sequence[Traces],
     units: Mapping[str, str],
@@ -266,7 +272,7 @@ def _overlay_signal(
     lines_by_unit: dict[str, list[Line]] = {}
     for i, (run, columns) in enumerate(zip(runs, data, strict=True)):
         if name in columns:
-            line = number_line(i, run.label, columns["time"], columns[name], types.get(name, REAL))
+            line = make_numbered_line(i, run.label, columns["time"], columns[name], types.get(name, REAL))
             lines_by_unit.setdefault(run.units.get(name, units.get(name, "")), []).append(line)
     items = name_values(types.get(name, REAL))
     return [Plot(unit, tuple(lines), column=name, items=items) for unit, lines in lines_by_unit.items()]

@@ -132,7 +132,7 @@ def has_changes(panels: Sequence[Plot]) -> bool:
 
 
 def _format_constant(panel: Plot) -> str:
-    """Return the text for a panel without changes."""
+    """Return the quantity of a panel without changes, and its value."""
     quantity, _, unit = panel.label.partition(" / ")
     value = panel.lines[0].values[0] if panel.lines else np.nan
     return f"{quantity} {value:.4g} {unit.strip('()')}".rstrip()
@@ -197,6 +197,7 @@ def _find_near_limits(panel: Plot) -> list[Limit]:
 
 
 def _find_range(lines: Sequence[Line]) -> tuple[float, float]:
+    """Return the lowest and the highest drawable value of all lines; NaN without any."""
     curves = [x.values[np.isfinite(mask_undrawable(x.values))] for x in lines]
     curves = [values for values in curves if len(values)]
     if not curves:

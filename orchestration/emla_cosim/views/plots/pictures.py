@@ -45,6 +45,7 @@ class Drawing(ABC):
 
 
 def _find_signal(column: str, signal: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
+    """Return the full name of a column's signal, or what its role names; None if it does not exist."""
     name = f"{column}.{signal}"
     name = roles.get(name, name)
     return name if name in names else None
@@ -206,7 +207,7 @@ class Picture(Drawing):
         kind, metric = panel.since or (self.of, EVALUATED_FROM)
         # of the load where it has its own, of the joint elsewhere
         since = result.metrics.get(kind, {}).get(column, {}).get(metric)
-        rows = _select_rows(time, panel.part, _find_settled_start(since, time))
+        rows = _mask_rows(time, panel.part, _find_settled_start(since, time))
         lines = []
         for curve in panel.curves:
             signals = [find(name, names) for name in curve.names]
@@ -235,7 +236,7 @@ def draw_figures(result: "Result") -> "Iterator[tuple[str, Figure | None]]":
             yield name, figure
 
 
-def _select_rows(time: Vector, part: Part, settled: float) -> np.ndarray:
+def _mask_rows(time: Vector, part: Part, settled: float) -> np.ndarray:
     """Return the mask of the rows of a part of the time. A result that is too short is shown whole."""
     if not part or settled <= time[0]:
         return np.ones(len(time), dtype=bool)
@@ -264,6 +265,7 @@ def _compute_values(curve: Curve, values: Sequence[Vector], time: Vector) -> Vec
 
 
 def _multiply_parameters(names: Sequence[str], find: Find, parameters: Mapping[str, float]) -> float | None:
+    """Return the product of parameters, 1 without names; None if one does not exist."""
     factors = [None if (n := find(name, parameters)) is None else parameters[n] for name in names]
     existing = [value for value in factors if value is not None]
     return math.prod(existing) if len(existing) == len(factors) else None

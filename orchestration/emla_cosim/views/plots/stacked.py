@@ -91,7 +91,7 @@ def build_unit_panels(
         Plot(
             units.get(group[0], ""),
             tuple(
-                number_line(i, n, data["time"], data[n], types.get(n, REAL))
+                make_numbered_line(i, n, data["time"], data[n], types.get(n, REAL))
                 for i, n in enumerate(group[first : first + MOST_LINES])
             ),
             column=column,
@@ -107,10 +107,10 @@ def count_panels(names: Sequence[str], units: Mapping[str, str], types: Mapping[
     return sum(-(-len(group) // MOST_LINES) for group in group_by_unit(names, units, types))
 
 
-def fit_panels(
+def select_fitting_signals(
     names: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType], most: int
 ) -> list[str]:
-    """Return the first signals that fit in so many panels."""
+    """Return the signals that fit in so many panels; earlier signals take precedence."""
     fitting = list[str]()
     for name in names:
         if count_panels([*fitting, name], units, types) <= most:
@@ -129,7 +129,9 @@ def group_by_unit(
     return list(groups.values())
 
 
-def number_line(number: int, label: str, time: Vector, values: Vector, kind: SignalType = REAL) -> Line:
+def make_numbered_line(
+    number: int, label: str, time: Vector, values: Vector, kind: SignalType = REAL
+) -> Line:
     """Return a line with the style for its number: colours first, then dashes. Discrete values make steps."""
     # after all colours once, dashes distinguish the same colours
     dashed = number // len(COLORS) % 2 == 1
@@ -181,6 +183,7 @@ def _measure_legend(panel: Plot, layout: Layout, is_titled: bool) -> float:
 
 
 def _draw_panel(axes: "Axes", panel: Plot, titled: bool, layout: Layout) -> None:
+    """Draw the lines of a panel with its labels and legend."""
     entries = [(shorten_name(line.label), draw_line(axes, line)) for line in panel.lines]
     axes.set_ylabel(panel.label, parse_math=False)
     if 0 < len(panel.items) <= _MOST_ITEMS:
@@ -268,7 +271,7 @@ def group_signals(result: "Result") -> list[Group]:
     left_out = len(parts) - _MOST_PICTURES
     groups = list[Group]()
     for part, signals in list(parts.items())[:_MOST_PICTURES]:
-        fitting = fit_panels(signals[:_MOST_SIGNALS], units, result.types, _MOST_PANELS)
+        fitting = select_fitting_signals(signals[:_MOST_SIGNALS], units, result.types, _MOST_PANELS)
         counted = f" ({len(fitting)} of {len(signals)} signals)" if len(fitting) < len(signals) else ""
         further = f"; {left_out} more parts are not plotted" if left_out > 0 and not groups else ""
         if fitting:

@@ -111,7 +111,10 @@ def add_legend(
 
 
 def tidy_axes(axes: "Axes", labels: Sequence[str] = ()) -> None:
-    """Add a legend if there are labels. All labels appear literally, also those with $ or _."""
+    """Set grid and margins of axes, remove two spines, and add a legend if there are labels.
+
+    All labels appear literally, also those with $ or _.
+    """
     if labels:
         legend = axes.legend(axes.lines, ["label"] * len(labels), fontsize=8, edgecolor="none")
         for text, label in zip(legend.get_texts(), labels, strict=True):

@@ -57,7 +57,7 @@ def render_page(result: Result, notes: Sequence[str] = ()) -> str:
         pictures=pictures,
         left_out=left_out,
         signals=signals.list_signal_rows(result, data, plots),
-        recorded=len(_list_recorded(result)),
+        recorded=len(_list_recorded_signals(result)),
         rows=len(data["time"]),
         comparisons=build_comparison_rows(compared, plots),
         compared=len(result.comparisons),
@@ -76,14 +76,14 @@ def render_page(result: Result, notes: Sequence[str] = ()) -> str:
     )
 
 
-def _list_recorded(result: Result) -> list[str]:
+def _list_recorded_signals(result: Result) -> list[str]:
     """Return the recorded signals, or none without a table."""
     return [] if result.table is None or result.steps == 0 else result.names
 
 
 def _read_data(result: Result) -> Mapping[str, Vector]:
     """Return time and the signals that the page shows."""
-    names = [n for n in _list_recorded(result) if not result.types.get(n, REAL).is_text]
+    names = [n for n in _list_recorded_signals(result) if not result.types.get(n, REAL).is_text]
     if not names:
         return {"time": np.empty(0)}
     needed = dict.fromkeys(["time", *names[: signals.MOST], *picture_plots.list_signals(result)])

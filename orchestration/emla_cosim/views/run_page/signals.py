@@ -19,7 +19,7 @@ from ...pages.panels import compact, condense_curves, mask_undrawable
 from ...pages.text import make_visible
 from ...recorders.metrics import NAMES
 from ...run.result import Result
-from ..plots.stacked import group_by_unit, name_values, number_line
+from ..plots.stacked import group_by_unit, make_numbered_line, name_values
 
 MOST = 1000
 """Most signals of a page."""
@@ -75,7 +75,7 @@ def _add_plots(
         figure = new_figure(label, [time], DataRange1d(only_visible=True))
         entries = []
         for number, name in enumerate(group):
-            line = number_line(number, make_visible(name), time, data[name], types.get(name, REAL))
+            line = make_numbered_line(number, make_visible(name), time, data[name], types.get(name, REAL))
             columns = {"time": time, "value": mask_undrawable(data[name])}
             source = ColumnDataSource({n: compact(values[retained[name]]) for n, values in columns.items()})
             curve = add_line(figure, source, "time", "value", line, name=line.label, visible=False)
