@@ -72,7 +72,7 @@ def draw_machine(axes: "Axes", movement: Movement, scene: Scene) -> None:
     scene.draw_surroundings(axes, [first, *others])
     for posture in others:
         scene.draw_ghost(axes, posture)
-    scene.paint(first).add_to(axes)
+    scene.build_polygons(first).add_to(axes)
     path = scene.view.flatten(movement.path)
     axes.plot(*path.T, color=RED, linewidth=LINE, zorder=5)
     axes.plot(*path[[0, last]].T, "o", color=RED, markersize=6, zorder=6)

@@ -161,7 +161,9 @@ def _find_controller(name: str | type) -> Controller:
     """Return a registered controller, or a new one for a block, FILE.fmu or FILE.py:BLOCK."""
     if isinstance(name, type):
         if not issubclass(name, Block):
-            raise CommandError(f"the controller {name.__name__} is not a block of fmublock.")
+            raise CommandError(
+                f"the controller {name.__name__} is not a block; pass a subclass of fmublock.Block."
+            )
         return Controller(name)
     if name.lower().endswith(".fmu"):
         return Controller(Path(name))

@@ -71,6 +71,7 @@ def certify(simulation: Simulation) -> list[JointCertificate]:
 def _certify_joint(
     joint: str, columns: Mapping[str, Vector], parameters: Mapping[str, float]
 ) -> JointCertificate:
+    """Return the certificate of a joint, from the rows of its run."""
     time = columns["time"]
     # a run shorter than that is evaluated in its second half
     is_evaluated = time - time[0] >= min(EVALUATED_AFTER, 0.5 * (time[-1] - time[0]))
@@ -178,6 +179,7 @@ def _list_remarks(
 
 
 def _list_figures(joint: JointCertificate) -> list[tuple[str, str, float]]:
+    """Return label, unit and value of each figure of a certificate."""
     proof, units = joint.certificate, ("m/s", "m/s2", "A/s", "A/s")
     return [
         *((f"phi_{i}", "1/s", proof.phi[i]) for i in range(5)),

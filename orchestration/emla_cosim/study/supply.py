@@ -116,8 +116,8 @@ def remarks(system: System, options: Options) -> list[str]:
         supply = get_number(system, options, SUPPLY, u_max)
         if None not in (drive, supply) and drive != supply:
             warnings.append(
-                f"{x.target}.{_U_MAX} is {drive:g} V, but {SUPPLY}.{u_max} is {supply:g} V; set both, or the "
-                "supply limits another voltage"
+                f"{x.target}.{_U_MAX} is {drive:g} V, but {SUPPLY}.{u_max} is {supply:g} V; set both to the "
+                "same voltage"
             )
     return warnings
 

@@ -397,6 +397,7 @@ class ToneSearch:
     def _build_tone(
         self, signal: int, q: int, first: int, last: int, growth: float, is_growing: bool = False
     ) -> Tone:
+        """Return the tone at frequency bin `q` in the windows from `first` to before `last`."""
         middle = (first + last) // 2
         amplitudes = (
             self._compute_amplitudes(slice(None), slice(q, q + 1), middle, last)[..., 0].mean(axis=1)

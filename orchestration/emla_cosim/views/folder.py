@@ -177,6 +177,7 @@ class Folder:
                     folder.rmdir()
 
     def _remove_leftovers(self) -> None:
+        """Remove incomplete files of killed commands, and a file of earlier versions."""
         for folder in (self._real_path, *(self._real_path / name for name in self.inner)):
             if not folder.is_symlink():
                 remove_unfinished(folder)

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 
 from emla_cosim.study.machines.schema import list_machine_names, load_machine
 from emla_cosim.study.sketch.parts import MachineParts, Posture
-from emla_cosim.study.sketch.scene import actuator_colors, convex_line, paint
+from emla_cosim.study.sketch.scene import actuator_colors, build_polygons, convex_line
 from emla_cosim.study.sketch.workspace import (
     OBLIQUE,
     PLANE,
@@ -73,7 +73,7 @@ def test_actuators_are_as_long_as_their_pins_are_apart(name: str) -> None:
         if joint != "telescope":  # whose pins may be beside its slide
             assert math.dist(*rod.points) == pytest.approx(rest + stroke, abs=1e-9)
         assert math.dist(*housing.points) == pytest.approx(rest, abs=1e-9)
-        flat = paint([rod], PLANE, {}).lines[0] if machine.dimensions == 2 else rod.points
+        flat = build_polygons([rod], PLANE, {}).lines[0] if machine.dimensions == 2 else rod.points
         longest = np.linalg.norm(flat[:, None] - flat[None, :], axis=-1).max()
         round_ends = 2.0 * rod.radii[0] if machine.dimensions == 2 else 0.0
         assert longest == pytest.approx(math.dist(*rod.points) + round_ends, rel=0.02)
@@ -114,10 +114,10 @@ def test_platform_in_space_is_drawn_in_all_views() -> None:
         axes = np.array([*view.axes, view.toward])
         assert axes @ axes.T == pytest.approx(np.eye(3))
         assert np.linalg.det(axes) == pytest.approx(1.0)  # not mirrored
-        polygons = paint(drawn.values(), view, actuator_colors(machine.names))
+        polygons = build_polygons(drawn.values(), view, actuator_colors(machine.names))
         assert polygons.names[0] == "ground"
         assert {"platform", "payload", "leg_6 rod"} <= set(polygons.names)
-    order = list(dict.fromkeys(paint(drawn.values(), THREE_SIDES[2], {}).names))
+    order = list(dict.fromkeys(build_polygons(drawn.values(), THREE_SIDES[2], {}).names))
     assert order.index("payload") > order.index("platform") > order.index("leg_1 rod")
 
 

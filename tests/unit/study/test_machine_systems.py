@@ -116,7 +116,11 @@ def test_motion_rests_at_its_strokes() -> None:
         ("strokes.luff", "strokes.tilt", "has tilt; the actuators are luff."),
         ("[0.2, 0.3]", "[0.2, 0.9]", "moves 'luff' from 0.2 to 0.9 m, but its stroke is 0 to 0.522 m."),
         ('"4 s"', '"1 s"', "make its times 1.38 times as long."),
-        ("times =", 'file = "x.json"\ntimes =', "has a file, and also times or strokes; write one of both."),
+        (
+            "times =",
+            'file = "x.json"\ntimes =',
+            "has a file, and also times or strokes; remove one or the other.",
+        ),
         ("[motion]", "[run]\nstop = 3\n[motion]", "has the unknown entry 'stop'"),
         ('kind = "machine"', 'kind = "joint"', "is not a machine file; it lacks kind"),
         ("actuators.luff", "actuators.machine", "an actuator cannot be called 'machine'"),

@@ -244,13 +244,16 @@ WRONG = [
     (["empty"], "the run, 'empty', has no results.csv or results.parquet."),
     (["a", "--signals", "y"], "no signal matches 'y'; there are x."),
     (["a", "--from", "nan"], "--from is 'nan'; it must be a number, or a number and a unit"),
-    (["a", "--from", "9 h"], "there are no rows to plot between these times."),
+    (
+        ["a", "--from", "9 h"],
+        "there are no rows to plot: the tables are empty, or have none between these times.",
+    ),
     (["a", "--from", "1", "--to", "1"], "the plot begins at 1 s, which must be before its end, 1 s."),
     (["a", "--output", "a/results.csv"], "the plot file 'a/results.csv' must end in .png, .pdf or .svg."),
     (["b.png", "--output", "b.png"], "the run 'b.png' has no column called time or t"),
     (["a", "--output", "no/b.png"], "the plot 'no/b.png' cannot be written: there is no folder 'no'."),
-    (["header"], "there are no rows to plot between these times."),
-    (["text"], "text has no numbers to plot."),
+    (["header"], "there are no rows to plot: the tables are empty, or have none between these times."),
+    (["text"], "there are no numbers to plot in text."),
     (["a"] * 13, "13 runs are too many: a plot shows up to 12."),
 ]
 

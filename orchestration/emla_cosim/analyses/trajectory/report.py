@@ -18,7 +18,7 @@ from ...base.files import check_output_files, report_write_errors
 from ...base.output_files import OutputFile, has_mark, is_page
 from ...study.machines.motion import WHAT, check_trajectory
 from ...study.sketch.parts import MachineParts
-from ...study.sketch.scene import actuator_colors, convex_line, paint
+from ...study.sketch.scene import actuator_colors, build_polygons, convex_line
 from ...study.sketch.workspace import PLANE, THREE_SIDES, View
 from ...views.plots.style import BLUE, GREY, ORANGE, RED, is_picture, new_figure, tidy_axes, to_png
 from ..frame.outputs import is_drawn, render_page
@@ -98,8 +98,8 @@ def _draw_path(result: TrajectoryResult, course: Course) -> "Figure":
     for axes, view in zip(grid[0], views, strict=True):
         for i, obstacle in enumerate(problem.obstacles):
             _draw_obstacle(axes, obstacle, view, None if i else "obstacles")
-        faint = paint(start.values(), view, colors, 0.35, only_moving=True)
-        for polygons in (faint, paint(end.values(), view, colors)):
+        faint = build_polygons(start.values(), view, colors, 0.35, only_moving=True)
+        for polygons in (faint, build_polygons(end.values(), view, colors)):
             polygons.add_to(axes)
             axes.update_datalim(np.concatenate(polygons.lines))
         line = view.flatten(path)

@@ -132,7 +132,7 @@ def _show_actuators(scenario: Scenario) -> Sequence[str]:
     for joint, actuator in actuators.items():
         print_line(f"{joint} has {actuator.title or actuator.label}:")
         for conversion in actuator.conversions:
-            if conversion.is_short:
+            if conversion.is_shown_before_run:
                 print_line(f"  {conversion}")
     if not actuators:
         return ()

@@ -96,6 +96,7 @@ def _compare_fluxes(v: Values) -> float:
 
 
 def _describe_fluxes(v: Values, difference: float) -> str:
+    """Return both fluxes with their relative difference as a clause of a message."""
     fluxes = derived.fluxes(v)
     return (
         f"motor.kT means a flux of {fluxes['kT']:.4g} Wb and motor.K_E one of {fluxes['K_E']:.4g} Wb, which "

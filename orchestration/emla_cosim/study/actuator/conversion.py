@@ -52,7 +52,7 @@ class Conversion:
     unit: str
 
     @property
-    def is_short(self) -> bool:
+    def is_shown_before_run(self) -> bool:
         """Whether it is printed before a run."""
         return self.parameter in _PRINTED
 

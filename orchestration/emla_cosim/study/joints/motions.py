@@ -398,12 +398,15 @@ class Brake(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         for start, end in self.phases:
             if not end - start > delays:
                 raise ValueError(
-                    f"has the phase from {start:g} to {end:g} s; it must be longer than both delays, "
-                    f"{delays:g} s."
+                    f"has the phase from {start:g} to {end:g} s; it must be longer than both delays "
+                    f"together, {delays:g} s."
                 )
         for (_, end), (start, _) in pairwise(self.phases):
             if start < end:
-                raise ValueError(f"has a phase from {start:g} s on after one to {end:g} s; sort them.")
+                raise ValueError(
+                    f"has a phase that starts at {start:g} s, before the previous one ends at {end:g} s; "
+                    "phases must be in order and must not overlap."
+                )
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters of `HoldingBrake`, by attribute."""

@@ -145,7 +145,8 @@ def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path)
     """
     if not name.isidentifier():
         raise CommandError(
-            f"{label} cannot name a joint: '{name}' is invalid; use letters, digits and _ in the file name."
+            f"{label} cannot name a joint: '{name}' is invalid; use letters, digits and _ in the "
+            "file name, and begin it with a letter."
         )
     table = convert_value(content, joint_struct(), label, folder)
     observers = {key: _build_observer_set(gains) for key, gains in table.observers.items()}

@@ -264,6 +264,7 @@ def _check_body(where: str, body: "BodyTable", dimensions: int) -> None:
 
 
 def _check_count(subject: str, numbers: Sequence[Number], counts: tuple[int, ...], dimensions: int) -> None:
+    """Raise CommandError if there is not one of these counts of numbers."""
     if len(numbers) not in counts:
         expected = " or ".join(map(str, counts))
         raise CommandError(

@@ -185,7 +185,7 @@ def read_motion_table(
     where = f"[motion] of {label}"
     if table.file is not None:
         if table.times or table.strokes:
-            raise CommandError(f"{where} has a file, and also times or strokes; write one of both.")
+            raise CommandError(f"{where} has a file, and also times or strokes; remove one or the other.")
         return load_motion(folder / table.file, list(start))
     if len(table.times) < 2 or not table.strokes:
         raise CommandError(f"{where} needs a file, or at least two times and strokes by actuator.")

@@ -344,6 +344,7 @@ def _list_parameters(tables: Mapping[str, ParameterTable]) -> Iterator[tuple[str
 
 
 def _build_body(table: BodyTable) -> Body:
+    """Return the body of a table, with the default axis of its kind of joint."""
     parent, _, at = table.on.partition(".")
     if table.axis is not None:
         axis = tuple(float(x) for x in table.axis)

@@ -60,7 +60,7 @@ def _draw_machine(machine: "MachineModel", workspace: Workspace) -> "Figure":
         scene, axes = Scene(machine, view, workspace), figure.add_subplot(side, side, i + 1)
         posture = scene.parts.postures(strokes, payload)[0]
         scene.draw_surroundings(axes, [posture])
-        scene.paint(posture).add_to(axes)
+        scene.build_polygons(posture).add_to(axes)
         if view.name:
             axes.set_title(view.name, fontsize=9)
         if view is PLANE:

@@ -29,7 +29,7 @@ from collections.abc import Collection
 from ...base.arrays import Indices
 from ...base.errors import RunError
 from ...views.animation import Animation, Film, Pixels
-from .movement import animated_signals
+from .movement import find_animated_signals
 
 _PARTS = 300
 """Number of parts into which longer curves are divided; each is drawn by its lowest and highest value."""
@@ -161,7 +161,7 @@ def _draw_postures(axes: "Axes", movement: Movement, scene: Scene, postures: lis
     *earlier, last = postures
     for posture in earlier:
         scene.draw_ghost(axes, posture)
-    scene.paint(last).add_to(axes)
+    scene.build_polygons(last).add_to(axes)
     scene.draw_path(axes, movement.path)
     axes.text(0.98, 0.02, "reach of the tip", color=BLUE, fontsize=9, transform=axes.transAxes, ha="right")
     if movement.payload[-1] > 0.0:
@@ -180,7 +180,7 @@ def _find_corner(scene: Scene, postures: list[Posture]) -> tuple[float, float] |
 
     # intersections are tested in the coordinates of the axes
     low, high = scene.limits(postures)
-    lines = [*scene.reach, *(line for posture in postures for line in scene.paint(posture).lines)]
+    lines = [*scene.reach, *(line for posture in postures for line in scene.build_polygons(posture).lines)]
     paths = [Path((line - low) / (high - low)) for line in lines]
     for corner in _CORNERS:
         box = Bbox.from_bounds(*corner, *_INSET)
@@ -245,7 +245,7 @@ class MachineAnimation(Animation):
 
     def signals(self, names: Collection[str], roles: Mapping[str, str]) -> Sequence[str] | None:
         """Return the signals of actual and reference strokes, and of forces."""
-        return animated_signals(names, roles)
+        return find_animated_signals(names, roles)
 
     def film(self, result: Result) -> Film:
         """Return the film of a run; raise RunError if its machine is unknown."""
@@ -286,7 +286,7 @@ class MachineFilm(Film):
         self._scene.draw_surroundings(axes, self._postures)
         self._scene.draw_reference(axes, movement)
         self._path_line = self._scene.draw_path(axes, movement.path)
-        self.polygons = self._scene.paint(self._postures[0])
+        self.polygons = self._scene.build_polygons(self._postures[0])
         self._machine = self.polygons.add_to(axes)
         self._clock = axes.text(0.0, 1.0, "", transform=axes.transAxes, va="bottom")
         lines = [line for _, curve_lines in self._lines_by_curve for line in curve_lines]
@@ -305,7 +305,7 @@ class MachineFilm(Film):
     def __getitem__(self, index: int) -> Pixels:
         """Draw the moving parts in this frame."""
         movement, row = self._movement, int(self._rows[index])
-        self.polygons = self._scene.paint(self._postures[index])
+        self.polygons = self._scene.build_polygons(self._postures[index])
         self.polygons.update(self._machine)
         self._path_line.set_data(*self._scene.view.flatten(movement.path[: row + 1]).T)
         self._clock.set_text(f"{movement.time[row]:.1f} s{self._speed_label}")

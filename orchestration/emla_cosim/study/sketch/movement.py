@@ -60,7 +60,7 @@ class Movement:
         return replace(self, **{n: x[:row] for n, x in columns.items() if isinstance(x, np.ndarray)})
 
 
-def animated_signals(names: Collection[str], roles: Mapping[str, str]) -> list[str] | None:
+def find_animated_signals(names: Collection[str], roles: Mapping[str, str]) -> list[str] | None:
     """Return the strokes, reference strokes and forces among the signals; None if one of them is missing."""
     joints = [joint for joint in list_joints_with_roles(roles) if find_element(joint, roles) is not None]
     signals_by_role = [_find_signals(joints, role, names, roles) for role in (STROKE, REFERENCE, FORCE)]

@@ -59,7 +59,7 @@ class Polygons:
     widths: list[float]
 
     def add_to(self, axes: "Axes", zorder: float = 3.0) -> "PolyCollection":
-        """Draw them."""
+        """Draw them, and return the collection that `update` changes."""
         from matplotlib.collections import PolyCollection
 
         collection = PolyCollection([], closed=True, zorder=zorder)
@@ -76,7 +76,7 @@ class Polygons:
         collection.set_linewidth(self.widths)
 
 
-def paint(
+def build_polygons(
     parts: Iterable[Part], view: View, colors: dict[str, str], alpha: float = 1.0, only_moving: bool = False
 ) -> Polygons:
     """Return the polygons of a machine's parts.
@@ -139,6 +139,7 @@ def convex_line(points: Vector) -> Vector:
     in_order = sorted(set(map(tuple, points.tolist())))
 
     def build_chain(points: Sequence[Sequence[float]]) -> list[Sequence[float]]:
+        # one side of the line, without its last corner
         line = list[Sequence[float]]()
         for x, y in points:
             while len(line) > 1 and not _is_left_turn(line[-2], line[-1], (x, y)):
@@ -211,17 +212,19 @@ class Scene:
         is_line = len(self.machine.names) == 1
         return [self.workspace.line(self.view)] if is_line else self.workspace.areas(self.view)
 
-    def paint(self, posture: Posture) -> Polygons:
+    def build_polygons(self, posture: Posture) -> Polygons:
         """Return the polygons of a posture, the rear ones first."""
-        return paint(posture.values(), self.view, self.colors)
+        return build_polygons(posture.values(), self.view, self.colors)
 
     def draw_ghost(self, axes: "Axes", posture: Posture) -> None:
         """Draw the moving parts of the machine faintly, as they were at another time."""
-        paint(posture.values(), self.view, self.colors, 0.3, only_moving=True).add_to(axes, 2.0)
+        build_polygons(posture.values(), self.view, self.colors, 0.3, only_moving=True).add_to(axes, 2.0)
 
     def limits(self, postures: list[Posture]) -> tuple[Vector, Vector]:
         """Return the lower left and the upper right corner of a picture with room for the postures."""
-        points = np.concatenate([*self.reach, *(line for p in postures for line in self.paint(p).lines)])
+        points = np.concatenate(
+            [*self.reach, *(line for p in postures for line in self.build_polygons(p).lines)]
+        )
         points = np.concatenate([points, self._floor.corners if self._has_floor else self._ground])
         margin = _MARGIN * self.parts.unit
         return np.nanmin(points, axis=0) - margin, np.nanmax(points, axis=0) + margin
@@ -276,7 +279,7 @@ class Scene:
     @cached_property
     def _ground(self) -> Vector:
         """Corners of the surface under the base."""
-        unit, base = self.parts.unit, np.concatenate(paint([self.parts.base], self.view, {}).lines)
+        unit, base = self.parts.unit, np.concatenate(build_polygons([self.parts.base], self.view, {}).lines)
         foot, margin = base[:, 1].min(), 0.15 * unit
         return np.array([[base[:, 0].min() - margin, foot - 0.1 * unit], [base[:, 0].max() + margin, foot]])
 

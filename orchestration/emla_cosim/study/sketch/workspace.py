@@ -40,6 +40,7 @@ class View:
 
 
 def _make_oblique_view(azimuth: float, elevation: float) -> View:
+    """Return the view from a direction, by angles in degrees."""
     sin_a, cos_a, sin_e, cos_e = (
         f(math.radians(x)) for x in (azimuth, elevation) for f in (math.sin, math.cos)
     )

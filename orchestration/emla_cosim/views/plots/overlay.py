@@ -131,7 +131,7 @@ def overlay_runs(
 
     Raises:
         CommandError: If the layout does not exist, a pattern has no match, the signals do not fit in a plot,
-            or there are no rows between these times.
+            no signal has numbers, or no run has rows between these times.
     """
     check_choice("layout", layout, LAYOUTS)
     if begin is not None and end is not None and not begin < end:
@@ -143,7 +143,7 @@ def overlay_runs(
     texts = [name for name in names if types.get(name, REAL).is_text]
     names, notes = [name for name in names if name not in texts], list[str]()
     if not names:
-        raise CommandError(f"{' and '.join(run.label for run in runs)} has no numbers to plot.")
+        raise CommandError(f"there are no numbers to plot in {' and '.join(run.label for run in runs)}.")
     if patterns:
         if (text := next((p for p in patterns if p in texts), None)) is not None:
             raise CommandError(f"'{text}' has texts, which cannot be plotted.", name=text)
@@ -157,7 +157,9 @@ def overlay_runs(
         data.append(rows)
         notes += [f"{run.label}: {left_out}."] if left_out else []
     if not any(len(columns["time"]) for columns in data):
-        raise CommandError("there are no rows to plot between these times.")
+        raise CommandError(
+            "there are no rows to plot: the tables are empty, or have none between these times."
+        )
     if len(runs) == 1:
         panels = build_unit_panels(selected, units, data[0], runs[0].label, types)
     else:
