@@ -153,6 +153,7 @@ def _find_missing_effects(plant: _Plant, *effects: _Effect) -> Iterator[Idealisa
 
 
 def _find_ideal_friction(plant: _Plant) -> Iterator[Idealisation]:
+    """Yield that the screw has no friction, or only a viscous one."""
     coulomb: dict[str, str] = {"F_C": _VALUE, "F_S": _VALUE}
     if plant.is_off(*coulomb, "B_BS"):
         option = plant.option(coulomb | {"B_BS": _VALUE})
@@ -163,7 +164,7 @@ def _find_ideal_friction(plant: _Plant) -> Iterator[Idealisation]:
 
 
 def _find_ideal_transmission(plant: _Plant) -> Iterator[Idealisation]:
-    """Yield what lies between screw and load: rigid plants have neither stiffness nor backlash."""
+    """Yield that the load is rigid, and that it has no backlash; both for plants without such parameters."""
     stiffness, backlash = plant.value("stiffness"), plant.value("backlash")
     screw = plant.name("C_eq")
     is_rigid = math.isnan(stiffness) and screw is not None and not plant.parameters[screw]
@@ -201,6 +202,7 @@ def _find_assumed_load_force(plant: _Plant) -> Iterator[Idealisation]:
 
 
 def _find_ideal_losses(plant: _Plant) -> Iterator[Idealisation]:
+    """Yield that gearbox and screw have no losses, or none when the load drives."""
     if plant.value("eta_GB") == 1.0:
         sentence = "Gearbox and screw have no losses."
         yield Idealisation("losses", "no losses", sentence, plant.option({"eta_GB": _VALUE}), _DRIVE)

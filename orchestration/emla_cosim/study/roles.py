@@ -189,7 +189,7 @@ def list_joints_with_roles(roles: Mapping[str, str]) -> list[str]:
 
 
 def check_roles(roles: Mapping[str, str], signals: Collection[str], parameters: Collection[str]) -> None:
-    """Raise CommandError for an unknown name, or for a joint without position or reference."""
+    """Raise CommandError for an unknown role or name, or for a joint without position or reference."""
     signals, parameters = RoleNames(dict.fromkeys(signals)), RoleNames(dict.fromkeys(parameters))
     for joint_role, name in roles.items():
         joint, _, role = joint_role.rpartition(".")

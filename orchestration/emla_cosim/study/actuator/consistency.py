@@ -19,7 +19,7 @@ _MARGIN = 1.1
 
 
 def find_contradictions(v: Values) -> Iterator[str]:
-    """Yield a message for each contradiction in the data."""
+    """Yield a message, without full stop, for each contradiction in the data."""
     if not _is_finite(v):
         yield "the derived parameters are too large or too small to compute with; check the units"
         return
@@ -105,7 +105,7 @@ def _describe_fluxes(v: Values, difference: float) -> str:
 
 
 def _is_finite(v: Values) -> bool:
-    """Return whether all that is computed of the entries is finite, and no divisor is zero."""
+    """Return whether all that is computed from the entries is finite, and no divisor is nearly zero."""
     try:
         emla = derived.emla(v)
         values = [*asdict(emla).values(), emla.alpha_RL, emla.A_eq, emla.B_eq, emla.D_eq, emla.i_max]

@@ -31,6 +31,9 @@ class SheetEntry:
         positive: Whether zero is excluded; not used for a signed entry.
         signed: Whether it can be negative.
         is_integer: Whether it must be an integer.
+        most: Largest number.
+        per_turn: Whether the number is per turn, so that a unit such as mm/rev is allowed.
+        needed: Whether its table must have it.
         kind: float for a number, bool for true or false.
         choices: Allowed texts; the number is the position of the text.
         is_difference: Whether a temperature is a difference, so that 180 °F are 100 K.

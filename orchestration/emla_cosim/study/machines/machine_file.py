@@ -17,7 +17,7 @@ from ...base.toml_structs import describe, extend_struct, list_given
 from ...base.values import convert_value
 from ...run.scenarios.scenario_file import with_options
 from ..joints.schema import JointFile
-from .machine_joints import is_path, require_joint
+from .machine_joints import is_toml_path, require_joint
 from .motion import Motion, read_motion_table
 from .schema import KIND, MachineTable, build_machine, read_machine_content
 
@@ -76,7 +76,9 @@ def load_machine_file(name: str | Path) -> MachineFile:
         CommandError: There is no such machine, or an entry of its file is unknown, missing or wrong.
     """
     return (
-        parse_machine_file(*read_machine_content(name)) if is_path(str(name)) else _load_built_in(str(name))
+        parse_machine_file(*read_machine_content(name))
+        if is_toml_path(str(name))
+        else _load_built_in(str(name))
     )
 
 
@@ -101,7 +103,7 @@ def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder
     for actuator, entry in table.actuators.items():
         joint_file = _adapt_joint(require_joint(actuator, entry.joint, label, folder), machine, label)
         # those of the paper belong to its manipulator
-        if not (entry.disturbances if entry.disturbances is not None else is_path(entry.joint)):
+        if not (entry.disturbances if entry.disturbances is not None else is_toml_path(entry.joint)):
             joint_file = msgspec.structs.replace(joint_file, disturbance={})
         joints[actuator] = joint_file = _make_seed_unique(joint_file, seeds)
         seeds.add(joint_file.seed)

@@ -10,8 +10,8 @@ from ...base.toml_structs import read_toml
 from ..joints.schema import JointFile, list_joint_names, load_joint, parse_joint
 
 
-def is_path(joint: str | None) -> bool:
-    """Return whether the entry `joint` of an actuator is the path of a file, not the name of a joint."""
+def is_toml_path(joint: str | None) -> bool:
+    """Return whether an entry is the path of a TOML file, not the name of a built-in joint or machine."""
     return joint is not None and joint.lower().endswith(".toml")
 
 
@@ -30,7 +30,7 @@ def find_joint(actuator: str, joint: str | None, label: str, folder: Path | None
     if joint is None and actuator not in list_joint_names():
         return None
     name = joint or actuator
-    if is_path(name):
+    if is_toml_path(name):
         path = (folder or Path()) / name
         file_label = f"the joint file '{path}'"
         content = read_toml(read_text(path, "the joint"), file_label)

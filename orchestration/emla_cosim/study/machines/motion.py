@@ -156,7 +156,11 @@ class Motion:
 
 
 def load_motion(file: Path, joints: Sequence[str]) -> Motion:
-    """Return the motion of a trajectory file for these joints; raise CommandError if it has others."""
+    """Return the motion of a trajectory file for these joints.
+
+    Raises:
+        CommandError: The file cannot be read, has other joints, or has more coefficients than the block.
+    """
     spline, problem = read_motion(file)
     try:
         motion = Motion(spline.ordered(joints), problem)

@@ -93,7 +93,7 @@ def plot_signals(
 
 
 def plot_summary(result: "Result") -> "Figure":
-    """Plot what signals follow, with them, or the first signals, in few panels.
+    """Plot references with the signals that follow them, or else the first signals, in few panels.
 
     Raises:
         CommandError: If no signal with numbers was recorded.

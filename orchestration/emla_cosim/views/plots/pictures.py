@@ -152,7 +152,7 @@ class Picture(Drawing):
         return [name for name in names_of_columns if name is not None]
 
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
-        """Draw the panels whose curves have signals."""
+        """Draw the panels whose curves have signals; None if there are none, or if no value changes."""
         panels = self.resolve_panels(result, data)
         if not has_changes(panels):
             return None

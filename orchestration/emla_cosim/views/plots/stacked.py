@@ -234,7 +234,7 @@ class ByUnit(Drawing):
         return (name for group in self._find_group(result) for name in group.signals)
 
     def drawn(self, result: "Result", data: Mapping[str, Vector]) -> "Figure | None":
-        """Draw the panels below each other."""
+        """Draw the panels of its group below each other; None without a group."""
         for group in self._find_group(result):
             return draw_stacked(group.panels(result, data), group.title)
         return None

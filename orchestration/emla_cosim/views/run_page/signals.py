@@ -66,8 +66,8 @@ def _add_plots(
     from bokeh.models import ColumnDataSource, DataRange1d
 
     time = data["time"]
-    points = _find_points(time, [data[name] for name in names])
-    retained = dict(zip(names, points, strict=True))
+    row_numbers = _choose_rows(time, [data[name] for name in names])
+    retained = dict(zip(names, row_numbers, strict=True))
     plot_ids = dict[str, str]()
     for group in group_by_unit(names, units, types):
         label = describe_unit(units[group[0]], name_values(types.get(group[0], REAL)))
@@ -94,16 +94,18 @@ def _add_plots(
     return plot_ids
 
 
-def _find_points(time: Vector, curves: Sequence[Vector]) -> list[Any]:
-    """Return the points of each curve that there is room for. Smooth curves leave room for the others."""
-    fair = _POINTS // (2 * len(curves))
+def _choose_rows(time: Vector, curves: Sequence[Vector]) -> list[Any]:
+    """Return the rows of each curve that are drawn. Smooth curves leave room for the others."""
+    fair_share = _POINTS // (2 * len(curves))
     curves = [mask_undrawable(curve) for curve in curves]
-    points = [condense_curves(time, [curve], fair) for curve in curves]
-    rough = [k for k, retained in enumerate(points) if len(retained) >= fair]
-    room = _POINTS - sum(map(len, points))
+    rows = [condense_curves(time, [curve], fair_share) for curve in curves]
+    rough = [k for k, retained in enumerate(rows) if len(retained) >= fair_share]
+    free_points = _POINTS - sum(map(len, rows))
     for k in rough:
-        points[k] = condense_curves(time, [curves[k]], min(fair + room // len(rough), _MOST_POINTS))
-    return points
+        rows[k] = condense_curves(
+            time, [curves[k]], min(fair_share + free_points // len(rough), _MOST_POINTS)
+        )
+    return rows
 
 
 def _read_figures(figures: Mapping[str, float]) -> dict[str, float | None]:
