@@ -162,7 +162,7 @@ def _find_controller(name: str | type) -> Controller:
     if isinstance(name, type):
         if not issubclass(name, Block):
             raise CommandError(
-                f"the controller {name.__name__} is not a block; pass a subclass of fmublock.Block."
+                f"the controller {name.__name__} is not a block of fmublock; pass a subclass of its Block."
             )
         return Controller(name)
     if name.lower().endswith(".fmu"):

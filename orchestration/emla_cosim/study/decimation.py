@@ -76,8 +76,8 @@ class SampleRates:
             if self.count % CHUNK == 0:
                 decimated = self._decimate(slice(None), CHUNK)
                 for i, (new_samples, last_sums) in enumerate(decimated):
-                    kept = np.concatenate([self._lower[i], new_samples], axis=1)
-                    self._lower[i] = kept[:, -_CAPACITIES[i + 1] :]
+                    retained = np.concatenate([self._lower[i], new_samples], axis=1)
+                    self._lower[i] = retained[:, -_CAPACITIES[i + 1] :]
                     self._last_sums[i] = last_sums
                 chunks = self.count // CHUNK
                 # after so many chunks, all samples at a rate are new
@@ -105,11 +105,11 @@ class SampleRates:
             earlier = (
                 self._chunk[channels, position:] if self.count >= CHUNK else np.zeros((len(channels), 0))
             )
-            kept = np.concatenate([earlier, self._chunk[channels, :position]], axis=1).astype(float)
+            retained = np.concatenate([earlier, self._chunk[channels, :position]], axis=1).astype(float)
         else:
             later = self._decimate(channels, position)[number - 1][0]
-            kept = np.concatenate([self._lower[number - 1][channels], later], axis=1)
-        return kept[:, max(first - self.available(number) + kept.shape[1], 0) :]
+            retained = np.concatenate([self._lower[number - 1][channels], later], axis=1)
+        return retained[:, max(first - self.available(number) + retained.shape[1], 0) :]
 
     def available(self, number: int) -> int:
         """Return the number of samples at a rate so far."""

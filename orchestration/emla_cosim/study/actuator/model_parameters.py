@@ -125,7 +125,7 @@ def describe_stale_parameters(system: System, options: Options) -> Iterator[str]
 
 
 def _shorten_names(names: Sequence[str]) -> str:
-    """Return the first names as a list in a sentence, and the number of the others."""
+    """Return the first names as a list in a message, and the number of the others."""
     more = len(names) - _MAX_NAMES
     return join_names([*names[:_MAX_NAMES], f"{more} more"] if more > 0 else names)
 
