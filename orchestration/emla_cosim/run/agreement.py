@@ -22,7 +22,10 @@ _MOST_NAMES = 3
 
 
 def find_common_signals(names: Sequence[str], stored: "StoredRun") -> list[str]:
-    """Return the signals that both have. Raise CommandError if there are none."""
+    """Return the signals that a stored run has, too. Raise CommandError if there are none.
+
+    Array columns of the stored run get the names of these signals.
+    """
     stored.match_names(names)
     stored_names = set(stored.names)
     common = [name for name in names if name in stored_names]
@@ -71,7 +74,7 @@ def describe_missing_part(end: float, step: float, stored: "StoredRun") -> str |
     return f"The run ended at {end:.6g} s, but '{stored.path}' continues until {last:.6g} s."
 
 
-def agreement_record(comparisons: Sequence[Comparison], stored: "StoredRun") -> dict[str, Any]:
+def build_agreement_record(comparisons: Sequence[Comparison], stored: "StoredRun") -> dict[str, Any]:
     """Return the entry of run.json: the number of signals, and those that left their tubes."""
     return {
         "run": str(stored.path),
@@ -121,7 +124,7 @@ def find_differences(before: Record, now: Record, overrides: Collection[str]) ->
 
 
 def describe_differences(differences: Sequence[str], where: str) -> str:
-    """Return a message with all differences from the run with this record."""
+    """Return a message with the differences from the run with this record, at most `MOST`."""
     listed = list(differences[:MOST])
     if len(differences) > MOST:
         listed.append(f"{len(differences) - MOST} more")
@@ -129,6 +132,7 @@ def describe_differences(differences: Sequence[str], where: str) -> str:
 
 
 def _compare_versions(before: Record, now: Record) -> Iterator[str]:
+    """Yield the versions that differ; packages that the earlier record does not name are left out."""
     earlier, current = _read_table(before, "versions"), _read_table(now, "versions")
     for name, version in current.items():
         if name in earlier and earlier[name] != version:
@@ -152,6 +156,7 @@ def _compare_fmus(before: Record, now: Record) -> Iterator[str]:
 
 
 def _compare_settings(before: Record, now: Record, overrides: Iterable[str]) -> Iterator[str]:
+    """Yield the settings that differ, among those that both records have."""
     earlier, current = _read_table(before, "settings"), _read_table(now, "settings")
     may_differ = {*overrides, *(o.record for o in list_options().values() if not o.repeated)}
     for name in (n for n in current if n in earlier and n not in may_differ):

@@ -63,12 +63,15 @@ def resolve(layers: Sequence[Mapping[str, Any]]) -> Resolution:
 
 
 def _find_choice(name: str, layers: Sequence[Mapping[str, Any]]) -> tuple[int, set[str]]:
-    """Return the last layer that chooses a class, and the options of other classes that this one lacks."""
+    """Return the last layer that chooses a class, and the options of other classes that this one lacks.
+
+    These are 0 and no options if no layer chooses a class, or the last one withdraws the choice.
+    """
     for number, layer in reversed([*enumerate(layers)]):
         if name in layer and (choice := layer[name]) is not None:
             kinds = CHOICES[name]
-            has = list_names(kinds[choice]) if isinstance(choice, str) else set[str]()
-            return number, list_names(*kinds.values()) - has
+            has = list_option_names(kinds[choice]) if isinstance(choice, str) else set[str]()
+            return number, list_option_names(*kinds.values()) - has
         if name in layer:  # an explicit None withdraws earlier choices
             break
     return 0, set()
@@ -85,6 +88,6 @@ def merge_value(before: Any, later: Any) -> Any:
     return {**remaining, **later}
 
 
-def list_names(*kinds: type) -> set[str]:
+def list_option_names(*kinds: type) -> set[str]:
     """Return the names of the options that classes have."""
     return {option.name for kind in kinds for option in options_of(kind)}

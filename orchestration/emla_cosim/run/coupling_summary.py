@@ -143,7 +143,7 @@ class CouplingSummary:
         }
 
     def figures(self, error: CouplingError | None) -> dict[str, dict[str, float]]:
-        """Return the estimated error by connection; NaN before there is an estimate."""
+        """Return the estimated error by connection: NaN before the estimate, empty if there will be none."""
         if self.not_estimated or (error is not None and error.not_estimated):
             return {}
         errors: Mapping[int, float] = {} if error is None else error.errors
@@ -238,14 +238,14 @@ def find_late_samples(algorithm: Algorithm, samplers: Collection[str]) -> Iterat
     network, names = algorithm.network, [instance.name for instance in algorithm.network.instances]
     late = {id(link) for link in algorithm.late_links()}
     # an instance that follows another one passes on values: their source is further back
-    into = {link.target: link for link in network.links if link.target in network.followers}
+    followed_links = {link.target: link for link in network.links if link.target in network.followers}
     for link in network.links:
-        ways = [link]
-        while ways[0].source in into:
-            ways.insert(0, into[ways[0].source])
-        is_read = names[link.target] in samplers and names[ways[0].source] not in samplers
-        if is_read and any(id(way) in late for way in ways):
-            signal = network.names[network.signal(ways[0])]
+        path = [link]
+        while path[0].source in followed_links:
+            path.insert(0, followed_links[path[0].source])
+        is_read = names[link.target] in samplers and names[path[0].source] not in samplers
+        if is_read and any(id(part) in late for part in path):
+            signal = network.names[network.signal(path[0])]
             yield LateSample(signal, link.name.partition(" -> ")[2], names[link.target])
 
 

@@ -71,17 +71,17 @@ class ActiveRun:
     wall_s: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
-        self._begun = list[Recorder]()
+        self._begun_recorders = list[Recorder]()
         self._buffer = RowBuffer(
             1 + len(self.layout.names),
-            self._begun,
+            self._begun_recorders,
             transformations=self.transformations,
             texts=self.layout.text_columns,
             map_rows=self._map_rows,
         )
         self._stopping = StoppingRows(self._buffer, self.conditions) if self.conditions else None
         self._rows: RowSink = self._buffer if self._stopping is None else self._stopping
-        self._flushed = time.monotonic()
+        self._last_flush = time.monotonic()
         self._is_paced = False
         self._first = (0, self.plan.times.start)
         self._has_first_row = False
@@ -109,7 +109,7 @@ class ActiveRun:
 
     @property
     def problem(self) -> str | None:
-        """Message that says why the run ended early, or None."""
+        """Message on the failure or the interruption that ended the run, or None; see also `early_end`."""
         if self.error is not None:
             return str(self.error)
         return f"interrupted at t = {self.stepping.time:.6g} s." if self.interrupted else None
@@ -138,7 +138,7 @@ class ActiveRun:
         """Pass all rows to the recorders, and return their memories by key."""
         self._buffer.flush()
         memories = {}
-        for recorder in self._begun:
+        for recorder in self._begun_recorders:
             if recorder.key:
                 with recording(recorder):
                     memories[recorder.key] = recorder.state_dict()
@@ -154,7 +154,7 @@ class ActiveRun:
             for recorder in self.recorders:
                 with recording(recorder):
                     recorder.begin(self.layout, memories.get(recorder.key))
-                self._begun.append(recorder)  # others get no rows, and are not ended
+                self._begun_recorders.append(recorder)  # others get no rows, and are not ended
             self.stepping.algorithm.initialize(times.start, stop_time)
             if self.resumed is None:
                 self.stepping.record(self._rows)
@@ -166,7 +166,7 @@ class ActiveRun:
                 self.profiler.restart(self.stepping.loop)
 
     def advance(self, until: float) -> None:
-        """Step to a time in s, or until a failure, an early end or Ctrl-C."""
+        """Step to a time in s, or until a failure, an early end or Ctrl-C; a run that ended takes no step."""
         if self.error is not None or self.early_end is not None:
             return
         self.interrupted = False
@@ -221,10 +221,11 @@ class ActiveRun:
         return next((m for recorder in self.recorders if (m := recorder.map_rows(size)) is not None), None)
 
     def _pause(self) -> None:
-        if time.monotonic() - self._flushed >= FLUSH_INTERVAL:
+        """Call `pause` of the recorders, after passing rows to them if `FLUSH_INTERVAL` is over."""
+        if time.monotonic() - self._last_flush >= FLUSH_INTERVAL:
             self._buffer.flush()
-            self._flushed = time.monotonic()
-        for recorder in self._begun:
+            self._last_flush = time.monotonic()
+        for recorder in self._begun_recorders:
             with recording(recorder):
                 recorder.pause(self)
 
@@ -240,6 +241,7 @@ class ActiveRun:
 
     @contextlib.contextmanager
     def _end_on_failure(self) -> Iterator[None]:
+        """Store a failure, or the wish of an FMU to end the run, instead of raising it."""
         try:
             yield
         except RecordingError as error:
@@ -255,7 +257,7 @@ class ActiveRun:
             self._fail(error, error)
 
     def _fail(self, error: RunError, cause: Exception) -> None:
-        """End the run because of an error outside of the recorders."""
+        """Store an error outside of the recorders with its time, if it is the first one of the run."""
         if self.error is None:
             at, stepped = self.stepping.time, isinstance(cause, RunError) and self.stepping.steps > 0
             # before the first step, the algorithm cannot have caused it
@@ -286,7 +288,10 @@ class CouplingEstimates:
         self.has_failed = False
 
     def estimate(self, run: ActiveRun) -> CouplingError:
-        """Return the coupling error of a run that has ended. Its FMUs cannot be used afterwards."""
+        """Return the coupling error of a run that has ended, or why it is not estimated.
+
+        The FMUs of the run cannot be used afterwards.
+        """
         self.has_failed, stepping = False, run.stepping
         estimate = stepping.estimate if isinstance(stepping, FixedSteps) else None
         if estimate is None or run.problem is not None or run.requested_end is not None:

@@ -59,12 +59,12 @@ class HalfStep:
         if parts is None:
             smaller = f"choose a --step-size far below {self.step / _PARTS[-1]:g}"
         else:
-            smaller = f"set --step-size {self.step / parts:g}{self._list_multiples(parts)}"
+            smaller = f"set --step-size {self.step / parts:g}{self._format_multiples(parts)}"
         # a sampled controller would see lines in place of samples
         return f"{smaller} or --extrapolation fmu" if self.is_held and not self.samplers else smaller
 
-    def _list_multiples(self, parts: int) -> str:
-        """Return the options with which samplers keep their sampling times in steps of 1 / `parts`."""
+    def _format_multiples(self, parts: int) -> str:
+        """Return the options, as text, that keep the sampling times of samplers in steps of 1 / `parts`."""
         if len(self.samplers) > _MOST_NAMES:
             sampler = next(iter(self.samplers))
             return (
@@ -141,9 +141,11 @@ def _can_sample(network: Network, i: int) -> bool:
     instance = network.instances[i]
     if not isinstance(instance, DescribedInstance) or isinstance(instance, EventModeInstance):
         return False
-    read = {link.output for link in network.links if link.source == i}
-    if any(instance.written[k].type == "Real" and not instance.continuous_outputs[k] for k in read):
+    read_outputs = {link.output for link in network.links if link.source == i}
+    if any(instance.written[k].type == "Real" and not instance.continuous_outputs[k] for k in read_outputs):
         return True
     description = instance.file.description
-    discrete = any(v.type == "Real" and v.variability == "discrete" for v in description.modelVariables)
-    return discrete and not description.numberOfContinuousStates
+    has_discrete_reals = any(
+        v.type == "Real" and v.variability == "discrete" for v in description.modelVariables
+    )
+    return has_discrete_reals and not description.numberOfContinuousStates

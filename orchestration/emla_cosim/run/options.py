@@ -21,7 +21,7 @@ from ..recorders.recorder import Recorder
 from ..recorders.registry import RECORDERS, table_names
 from ..system.bond import Bond
 from ..system.model import Replacement
-from .choices import CHOICES, Resolution, list_names, merge_value, resolve
+from .choices import CHOICES, Resolution, list_option_names, merge_value, resolve
 from .output_options import AnalysisOptions, OutputOptions
 from .stepping_options import SteppingOptions
 from .stored_margins import RECORD
@@ -75,7 +75,7 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
 
     @property
     def class_options(self) -> Mapping[str, Any]:
-        """Return the set options of algorithm, step-size control and recorders, by name."""
+        """Values of the options of algorithm, step-size control and recorders that are set, by name."""
         return {n: v for n, v in self.resolution.values.items() if n not in CHOICES}
 
     def overridden_notes(self) -> list[str]:
@@ -99,7 +99,9 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
             return _name_of(self.step_size_control, STEP_SIZE_CONTROLS)
         option_names = self.class_options.keys()
         implied = (
-            n for n, kind in STEP_SIZE_CONTROLS.items() if not list_names(kind).isdisjoint(option_names)
+            n
+            for n, kind in STEP_SIZE_CONTROLS.items()
+            if not list_option_names(kind).isdisjoint(option_names)
         )
         return next(implied, next(iter(STEP_SIZE_CONTROLS)))  # fixed steps are the first
 
@@ -117,7 +119,7 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         return replacements
 
     def files_read(self) -> dict[Path, str]:
-        """Return what a run reads, by path."""
+        """Return the files that a run reads: what each one is, by path."""
         paths = dict.fromkeys(self.parameters, "the parameter set")
         for replacement in self.replacements().values():
             paths[replacement.fmu] = "the FMU"
@@ -139,7 +141,7 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         return paths
 
     def read_bonds(self) -> dict[str, Bond]:
-        """Return the power bonds that have signals, by name; CommandError for a text that is none."""
+        """Return the power bonds that have signals, by name. Raise CommandError for any other text."""
         return {name: Bond.read(name, text) for name, text in self.bonds.items() if text}
 
     def make_algorithm(self) -> Algorithm:
@@ -158,7 +160,12 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         return control
 
     def _instantiate(self, choice: str | _Kind, kinds: Mapping[str, type[_Kind]], noun: str) -> _Kind:
-        options = {n: v for n, v in self.class_options.items() if n in list_names(*kinds.values())}
+        """Return an object of the chosen class with its options, or the chosen object itself.
+
+        Raises:
+            CommandError: one of the options does not belong to the choice.
+        """
+        options = {n: v for n, v in self.class_options.items() if n in list_option_names(*kinds.values())}
         if not isinstance(choice, str):
             if options:
                 raise CommandError(
@@ -166,8 +173,8 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
                 )
             return choice
         for name in options:
-            if name not in list_names(kinds[choice]):
-                owners = [n for n, kind in kinds.items() if name in list_names(kind)]
+            if name not in list_option_names(kinds[choice]):
+                owners = [n for n, kind in kinds.items() if name in list_option_names(kind)]
                 has = "has" if len(owners) == 1 else "have"
                 raise CommandError(
                     f"the {noun} {choice} has no {list_options()[name].noun}; {join_names(owners)} {has}.",
@@ -179,12 +186,16 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         """Return the recorders of `RECORDERS` whose options are set."""
         options = self.class_options
         names = (
-            (kind, {n: v for n, v in options.items() if n in list_names(kind)}) for kind in RECORDERS.values()
+            (kind, {n: v for n, v in options.items() if n in list_option_names(kind)})
+            for kind in RECORDERS.values()
         )
         return [kind(**values) for kind, values in names if values]
 
     def list_effective_values(self) -> list[tuple[Option, Any]]:
-        """Return each option that applies, with its value."""
+        """Return each option that applies, with its value.
+
+        Options of other step-size controls follow, with None.
+        """
         pairs = [(o, getattr(self, o.name)) for o in _FIXED.values()]
         for part in (self.make_algorithm(), self.make_step_size_control(), *self.make_recorders()):
             pairs += [(o, getattr(part, o.name)) for o in options_of(type(part))]

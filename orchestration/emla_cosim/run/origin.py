@@ -45,7 +45,7 @@ def with_gains(values: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _make_absolute(name: str, value: Any) -> Any:
-    """Make the paths in a value absolute."""
+    """Return the value of an option with absolute paths. A controller can be the path of a file, too."""
     if isinstance(value, Path):
         return get_working_folder() / value
     if isinstance(value, Mapping):

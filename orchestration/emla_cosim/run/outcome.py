@@ -11,7 +11,7 @@ from ..master.coupling.estimate import CouplingError
 from ..recorders.bond_energies import COUPLING
 from ..recorders.metrics import SIGNALS, Figures, list_figures
 from ..recorders.table import Table
-from .agreement import agreement_record, describe_disagreement, describe_missing_part
+from .agreement import build_agreement_record, describe_disagreement, describe_missing_part
 from .execution import ActiveRun
 from .remarks import describe_disabled_event_mode, describe_lost_values, describe_unscheduled_clocks
 from .requirements import describe_unmet
@@ -117,7 +117,7 @@ def check_result(run: ActiveRun, result: Result) -> tuple[Result, RunError | Non
     stored = run.plan.stored
     if stored is not None and not run.interrupted:
         comparisons = result.compare(stored, run.plan.options.tolerance)
-        record = {**result.record, "reference": agreement_record(comparisons, stored)}
+        record = {**result.record, "reference": build_agreement_record(comparisons, stored)}
         result = replace(result, comparisons=comparisons, record=record)
     if (problem := _describe_unmet(run, result)) is None:
         return result, None

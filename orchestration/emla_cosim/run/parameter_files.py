@@ -54,7 +54,7 @@ def file_values(
 
 
 def _read_column_values(data: DataTable, position: int, names: Names) -> dict[str, Value]:
-    """Read the value of a scalar, or of the first elements of an array."""
+    """Return the values of a column by full name: of a scalar, or of the first elements of an array."""
     header = data.headers[position]
     label = f"the column '{header.text}' of {data.label}"
     try:
@@ -78,14 +78,14 @@ def _read_column_values(data: DataTable, position: int, names: Names) -> dict[st
             element.unit or (None if declared_unit is None else _DIMENSIONLESS), label
         )
         try:
-            values[element.full_name] = _check_value(element, value)
+            values[element.full_name] = _convert_number(element, value)
         except CommandError as error:
             raise CommandError(f"{label}, row {row}: {error}", row=row, **error.fields) from error
     return values
 
 
-def _check_value(element: NamedVariable, value: float) -> Value:
-    """Return the value if the variable can have it. Raise CommandError otherwise."""
+def _convert_number(element: NamedVariable, value: float) -> Value:
+    """Return the value, as an int if the variable is not a Real. Raise CommandError if it does not fit."""
     component, variable = element.component, element.variable
     # tables have floating-point numbers only, and other types refuse 2.0
     plain = value if variable.type == "Real" or not value.is_integer() else int(value)
@@ -108,8 +108,8 @@ def _read_parameter_set(
         array = name.removesuffix(parameter.name.removeprefix(parameter.document_name))
         if parameter.array is not None and not component.aliases:
             target = f"{component.name}.{array}"
-            if differ := explain_shape(parameter, array, interface.variables, target):
-                raise CommandError(f"{parameter.location}: {differ}")
+            if difference := explain_shape(parameter, array, interface.variables, target):
+                raise CommandError(f"{parameter.location}: {difference}")
         unit = interface.unit(name) if name in interface.variables else None
         if name in component.aliases:
             unit = component.aliases[name].unit

@@ -41,7 +41,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
         CommandError: If an option does not fit the system.
         RunError: If an FMU cannot be built.
     """
-    start, as_made = options.start_time or 0.0, system
+    start, initial_system = options.start_time or 0.0, system
     tables = [LoadedInput.of(source, start) for source in options.input]
     all_without = "--no-event-mode without a name means all components."
     without_events = [select_components([p], system, all_without) for p in options.no_event_mode]
@@ -60,14 +60,14 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
     system = Names(system, interfaces, replacement_interfaces).with_converted_values()
     system = apply_parameter_files(system, options.parameters, interfaces)
     if tables:
-        placed = wire_inputs(system, tables, interfaces, options.platform)
-        system = placed.system
-        fmus |= placed.fmus
-        interfaces |= read_interfaces(placed.fmus)
-        for note in placed.notes:
+        wired_inputs = wire_inputs(system, tables, interfaces, options.platform)
+        system = wired_inputs.system
+        fmus |= wired_inputs.fmus
+        interfaces |= read_interfaces(wired_inputs.fmus)
+        for note in wired_inputs.notes:
             progress.note(f"Note: {note}")
     system = wire_faults(system, faults, interfaces)
-    followers = following_values(as_made, options)
+    followers = following_values(initial_system, options)
     values = Names(system, interfaces, replacement_interfaces).start_values(options.set)
     system = system.with_parameters(values | followers)
     for component in system.components:
@@ -159,7 +159,8 @@ def limit_to_data_end(options: Options) -> Options:
         stop = float(f"{start + steps * options.step_size:.12g}")
     if not stop > start:
         raise CommandError(
-            f"the data end at t = {end:.9g} s, less than a step after the run begins at t = {start:.9g} s."
+            f"the data end at t = {end:.9g} s, which leaves no step for a run from t = {start:.9g} s; set an "
+            "earlier start time."
         )
     return replace(options, stop_time=stop)
 

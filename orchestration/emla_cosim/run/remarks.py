@@ -18,7 +18,7 @@ _MOST_NAMES = 3
 _REJECTED = "did not take"
 
 
-def tells_lost_values(text: str | None) -> bool:
+def has_lost_values_remark(text: str | None) -> bool:
     """Return whether a text contains a remark of `describe_lost_values`."""
     return f" {_REJECTED} " in (text or "")
 
@@ -32,14 +32,14 @@ def describe_lost_values(record: Mapping[str, Any]) -> list[str]:
     remarks = []
     for component, entries in record["components"].items():
         if rejected := entries["not_taken"]:
-            values = [_describe(name, value) for name, value in rejected.items()][:_MOST_NAMES]
+            values = [_describe_rejected_value(name, value) for name, value in rejected.items()][:_MOST_NAMES]
             rest = f"; and {len(rejected) - _MOST_NAMES} more" if len(rejected) > _MOST_NAMES else ""
             count = format_count(len(rejected), "start value")
             remarks.append(f"The FMU of {component} {_REJECTED} {count}: {'; '.join(values)}{rest}.")
     return remarks
 
 
-def _describe(name: str, value: Mapping[str, Any]) -> str:
+def _describe_rejected_value(name: str, value: Mapping[str, Any]) -> str:
     unit = f" {value['unit']}" if value["unit"] else ""
     if value["read"] is None:
         return f"{name} was set to {value['set']}{unit} and cannot be read"

@@ -38,13 +38,13 @@ def replace_component(
         interfaces: Interfaces of the present FMUs, by component.
 
     Returns:
-        The changed system, and a report on how the variables match.
+        The changed system, or the same one if the FMU does not fit, and a report on how the variables match.
 
     Raises:
         CommandError: If the mapping cannot be read, or names a variable that neither FMU has.
     """
     component, original = convert_to_fmu_terms(system.component(name)), interfaces[name]
-    entries = _entries(replacement, original, target)
+    entries = _read_mapping_entries(replacement, original, target)
     matching = _VariableMatcher(system, component, original, target, entries)
     fit = CompatibilityReport(name, replacement.fmu, matching.matches, len(matching.same))
     if fit.problems:
@@ -62,22 +62,29 @@ def _reconnect(
     connection: Connection, component: Component, interfaces: Mapping[str, Interface]
 ) -> Connection:
     """Express a connection with the names and units of the component's new FMU."""
-    leaving = component.aliases.get(connection.output) if connection.source == component.name else None
-    arriving = component.aliases.get(connection.input) if connection.target == component.name else None
-    if leaving is None and arriving is None:
+    source_alias = component.aliases.get(connection.output) if connection.source == component.name else None
+    target_alias = component.aliases.get(connection.input) if connection.target == component.name else None
+    if source_alias is None and target_alias is None:
         return connection
     # first, as it needs the names and units of the old FMU
     between = find_transformation(connection, interfaces)
-    if leaving is not None:
-        between = between.after(leaving.transformation.inverse())
-        connection = replace(connection, output=leaving.variable)
-    if arriving is not None:
-        between = arriving.transformation.after(between)
-        connection = replace(connection, input=arriving.variable)
+    if source_alias is not None:
+        between = between.after(source_alias.transformation.inverse())
+        connection = replace(connection, output=source_alias.variable)
+    if target_alias is not None:
+        between = target_alias.transformation.after(between)
+        connection = replace(connection, input=target_alias.variable)
     return replace(connection, transformation=between)
 
 
-def _entries(replacement: Replacement, original: Interface, target: Interface) -> "dict[str, MappingEntry]":
+def _read_mapping_entries(
+    replacement: Replacement, original: Interface, target: Interface
+) -> "dict[str, MappingEntry]":
+    """Return the entries of the mapping by variable of the original FMU; empty without a mapping.
+
+    Raises:
+        CommandError: If the mapping cannot be read, names a variable that does not exist, or is not linear.
+    """
     path = replacement.mapping
     if path is None:
         return {}
@@ -128,8 +135,8 @@ class _VariableMatcher:
             self._match_connected("output", name)
         for name in component.parameters:
             self._match_start_value(name)
-        self._report_connected(outputs)
-        self.matches += self._free(inputs)
+        self._match_unconnected_outputs(outputs)
+        self.matches += self._list_undriven_inputs(inputs)
         if any(match.fatal for match in self.matches):  # then a mapping may help
             self.matches += self._list_unused()
 
@@ -144,11 +151,13 @@ class _VariableMatcher:
         """Match a variable that is connected."""
         variable = self._new.variables.get(self._choose_target(name))
         if variable is None:
-            self._add_note(kind, name, "", "is missing", fatal=True)
+            self._add_match(kind, name, "", "is missing", fatal=True)
         elif variable.causality != kind or variable.type != self._original.variables[name].type:
-            self._add_note(kind, name, variable.name, f"is {variable.causality}, {variable.type}", fatal=True)
+            self._add_match(
+                kind, name, variable.name, f"is {variable.causality}, {variable.type}", fatal=True
+            )
         else:
-            self._note_conversion(kind, name, variable)
+            self._add_alias(kind, name, variable)
 
     def _match_start_value(self, name: str) -> None:
         """Match a variable that has a start value."""
@@ -159,12 +168,12 @@ class _VariableMatcher:
         variable = self._new.variables.get(self._choose_target(name))
         if variable is None:
             self.left_out.add(name)
-            self._add_note(kind, name, "", "is left out")
+            self._add_match(kind, name, "", "is left out")
         else:
-            self._note_conversion(kind, name, variable)
+            self._add_alias(kind, name, variable)
 
-    def _report_connected(self, connected: Sequence[str]) -> None:
-        """Match outputs that are not connected but recorded under the old names."""
+    def _match_unconnected_outputs(self, connected: Sequence[str]) -> None:
+        """Match outputs that are not among the connected ones, but recorded under the old names."""
         for name, variable in self._original.variables.items():
             replacement_variable = self._new.variables.get(self._choose_target(name))
             if variable.causality != "output" or name in connected or replacement_variable is None:
@@ -173,42 +182,46 @@ class _VariableMatcher:
                 replacement_variable.causality == "output"
                 and replacement_variable.type == variable.type != "String"
             ):
-                self._note_conversion("output", name, replacement_variable)
+                self._add_alias("output", name, replacement_variable)
 
-    def _free(self, inputs: Sequence[str]) -> Iterator[VariableMatch]:
-        """Match inputs of the new FMU that nothing drives."""
+    def _list_undriven_inputs(self, inputs: Sequence[str]) -> Iterator[VariableMatch]:
+        """Yield the inputs of the new FMU that nothing drives."""
         driven = {self._choose_target(name) for name in inputs}
         for name, variable in self._new.variables.items():
             if variable.causality == "input" and name not in driven:
                 yield VariableMatch("input", "", self._with_unit(name, self._new), "keeps its start value")
 
     def _list_unused(self) -> Iterator[VariableMatch]:
-        """Match outputs and parameters of the new FMU that a mapping could still name."""
+        """Yield the outputs and parameters of the new FMU that a mapping could still name."""
         used = {*self._mapped_targets, *self.same}
         for name, variable in self._new.variables.items():
             if variable.causality in ("output", "parameter") and name not in used:
                 yield VariableMatch(variable.causality, "", self._with_unit(name, self._new), "is not used")
 
-    def _note_conversion(self, kind: str, name: str, variable: ModelVariable) -> None:
+    def _add_alias(self, kind: str, name: str, variable: ModelVariable) -> None:
+        """Match a variable with that of the new FMU: note its alias, or a problem if the units do not fit."""
         if name in self.aliases:
             return  # an output that also has a start value
         old_unit, new_unit = self._original.unit(name), self._new.unit(variable.name)
         try:
-            transformation = self._convert_unit(name, old_unit, new_unit)
+            transformation = self._make_transformation(name, old_unit, new_unit)
             if transformation.factor == 0.0 and variable.causality == "output":
                 raise ValueError("a factor of 0, which cannot be inverted")
         except ValueError as error:
-            self._add_note(kind, name, variable.name, f"has {error}", fatal=True)
+            self._add_match(kind, name, variable.name, f"has {error}", fatal=True)
             return
         if variable.name == name and transformation == IDENTITY:
             self.same.add(name)
             return
         self.aliases[name] = Alias(variable.name, transformation, old_unit)
-        self._add_note(kind, name, variable.name, FITS if transformation == IDENTITY else str(transformation))
+        self._add_match(
+            kind, name, variable.name, FITS if transformation == IDENTITY else str(transformation)
+        )
 
-    def _convert_unit(
+    def _make_transformation(
         self, name: str, old_unit: SiUnit | None, new_unit: SiUnit | None
     ) -> LinearTransformation:
+        """Return the transformation to the new FMU. Raise ValueError if the units do not fit."""
         entry = self._entries.get(name)
         prescribed = None if entry is None else entry.transformation
         linear = prescribed if isinstance(prescribed, LinearTransformation) else IDENTITY
@@ -216,10 +229,10 @@ class _VariableMatcher:
             return linear
         return linear.after(convert_documents_units(f"the replacement of {name}", old_unit, new_unit))
 
-    def _add_note(self, kind: str, old_text: str, new_text: str, verdict: str, fatal: bool = False) -> None:
-        their = self._with_unit(new_text, self._new) if new_text else ""
+    def _add_match(self, kind: str, old_name: str, new_name: str, verdict: str, fatal: bool = False) -> None:
+        new_label = self._with_unit(new_name, self._new) if new_name else ""
         self.matches.append(
-            VariableMatch(kind, self._with_unit(old_text, self._original), their, verdict, fatal)
+            VariableMatch(kind, self._with_unit(old_name, self._original), new_label, verdict, fatal)
         )
 
     def _with_unit(self, name: str, interface: Interface) -> str:

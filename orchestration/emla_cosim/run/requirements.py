@@ -53,7 +53,10 @@ class Requirement:
 
 
 def split_condition(text: str) -> tuple[str, str, str]:
-    """Return the parts of a condition around its comparison; empty ones if it is not a condition."""
+    """Return the parts of a condition: signal or metric, comparison and value.
+
+    A text without a comparison has empty second and third parts. All are empty if it has several comparisons.
+    """
     figure, sign, value, *more = [part.strip() for part in _SIGN.split(text)] + ["", ""]
     return ("", "", "") if any(more) else (figure, sign, value)
 
@@ -61,7 +64,7 @@ def split_condition(text: str) -> tuple[str, str, str]:
 def parse_requirement(text: str) -> Requirement:
     """Parse a requirement. Raise CommandError for any other text."""
     figure, sign, right = split_condition(text)
-    value = _value(right)
+    value = _parse_value(right)
     if not figure or value is None:
         raise CommandError(
             f"the requirement '{text}' is invalid. Write METRIC, one of {join_names(_COMPARISONS)}, and a "
@@ -97,7 +100,7 @@ def resolve_requirements(
             if (is_boolean := figures[name].is_boolean) != isinstance(required.value, bool):
                 right = "true or false" if is_boolean else "a number"
                 raise CommandError(
-                    f"the requirement '{required}' does not fit: {name} is {right}.", name=name
+                    f"the requirement '{required}' has the wrong type: {name} is {right}.", name=name
                 )
             required = replace(required, figure=name)
         resolved.append(required)
@@ -111,7 +114,7 @@ def describe_unmet(requirements: Sequence[Requirement], figures: Mapping[str, Fi
     return f"requirements not met: {'; '.join(failing)}." if failing else None
 
 
-def _value(text: str) -> float | bool | None:
+def _parse_value(text: str) -> float | bool | None:
     """Parse a finite number, true or false. Return None for any other text."""
     if text in _WORDS:
         return _WORDS[text]
@@ -148,11 +151,11 @@ class StopCondition:
 
     condition: Requirement
     column: int
-    transformations: LinearTransformation
+    transformation: LinearTransformation
 
     def is_met(self, row: Vector) -> bool:
         """Return whether a row meets the condition; NaN does not."""
-        value = self.transformations(float(row[self.column]))
+        value = self.transformation(float(row[self.column]))
         if isinstance(self.condition.value, bool):
             return not math.isnan(value) and self.condition.met_by(value != 0.0)
         return self.condition.met_by(value)

@@ -111,12 +111,12 @@ def build_run_record(
         "source_sha256": origin.sha256,
         "changed": list_overrides(origin),
         "status": COMPLETED if problem is None else problem,
-        "settings": _settings(definition, plan),
+        "settings": _list_settings(definition, plan),
         "stepping": stepping,
         "versions": dict(list_versions()),
         "components": {
             c.name: {
-                "fmu": _file(assembly.files[c.name].path, unpacked),
+                "fmu": _format_path(assembly.files[c.name].path, unpacked),
                 "sha256": definition.fmus[c.name],
                 "kind": assembly.files[c.name].kind,
                 "guid": assembly.files[c.name].description.guid,
@@ -137,8 +137,8 @@ def build_run_record(
     }
 
 
-def _settings(definition: RunDefinition, plan: RunPlan) -> dict[str, Any]:
-    """Return the options in effect."""
+def _list_settings(definition: RunDefinition, plan: RunPlan) -> dict[str, Any]:
+    """Return the options in effect and the times of the run, as run.json has them."""
     options, times = plan.options, plan.times
     settings = definition.values(lambda o: o.record if o.recorded else "")
     del settings["mapping"]  # it is part of the replacement
@@ -184,7 +184,8 @@ def _hash_file(path: Path) -> dict[str, str | None]:
     return {"file": str(path), "sha256": hash_if_readable(path)}
 
 
-def _file(path: Path, unpacked: Path | None) -> str:
+def _format_path(path: Path, unpacked: Path | None) -> str:
+    """Return a path; that of a file in the folder `unpacked` is relative to it."""
     if unpacked is not None and path.is_relative_to(unpacked):
         path = path.relative_to(unpacked)
     return str(path)

@@ -115,7 +115,7 @@ def count_steps_per_row(options: Options, times: CommunicationPoints) -> int:
     interval = options.output_interval
     row_interval = max(DEFAULT_INTERVAL, times.step) if interval is None else interval
     if not 0.0 < row_interval < float("inf"):
-        raise CommandError(f"the output interval {row_interval:g} s must be a positive number of seconds.")
+        raise CommandError(f"the output interval {row_interval:g} s must be positive and finite.")
     if (times.stop - times.start) / row_interval > MAXIMUM_STEPS:
         raise CommandError(
             f"an output interval of {row_interval:g} s makes more than {MAXIMUM_STEPS:g} rows."

@@ -164,7 +164,7 @@ class Simulation:
         further = self.further_names if patterns else []
         return select_signals(patterns, self.names, further, self.system.main_name)
 
-    def _complete(self, name: str) -> str:
+    def _complete_name(self, name: str) -> str:
         """Return the full name of a variable of the main component; other names unchanged."""
         matching = self._assembly.names.match(name) if self.system.main_name else []
         return matching[0].full_name if len(matching) == 1 else name
@@ -254,6 +254,7 @@ class Simulation:
     def _run_to_end(
         self, recorders: Sequence[Recorder] | None, fresh: bool, options: Mapping[str, Any]
     ) -> tuple[Result, RunError | None]:
+        """Run from start to stop. Return the result, and the error if it failed or misses a requirement."""
         run = self._start(recorders, fresh, options)
         with self._discard_on_error():
             run.advance(run.plan.times.stop)
@@ -295,7 +296,7 @@ class Simulation:
         values = self._read_options(options)
         run_options = self.options.merged(values)
         # of the main component, the name of a variable is enough
-        roles = {role: self._complete(name) for role, name in run_options.roles.items()}
+        roles = {role: self._complete_name(name) for role, name in run_options.roles.items()}
         run_options = replace(run_options, roles=self._default_roles | roles)
         plan = replace(
             plan_run(run_options, self.name, self._notes(run_options)),

@@ -79,7 +79,7 @@ def wire_run(
         coupling = CouplingSummary.of(
             stepping.algorithm, stepping, assembly.sampling, options.estimate_coupling
         )
-        layout = _make_outline(plan, assembly, stepping)
+        layout = _make_layout(plan, assembly, stepping)
         requirements = _resolve_requirements(plan, layout, coupling, energies, system.main_name)
         plan = replace(plan, requirements=requirements)
         position = {name: i for i, name in enumerate(layout.names)}
@@ -154,7 +154,8 @@ def _open_checkpoints(
     return [Checkpoints(file, identity)], resumed
 
 
-def _make_outline(plan: RunPlan, assembly: Assembly, stepping: Stepping) -> RunLayout:
+def _make_layout(plan: RunPlan, assembly: Assembly, stepping: Stepping) -> RunLayout:
+    """Return what recorders must know of the rows, the system and the steps."""
     options, network, algorithm = plan.options, assembly.network, stepping.algorithm
     names = [*network.names, *network.observer.names]
     position = {name: i for i, name in enumerate(names)}

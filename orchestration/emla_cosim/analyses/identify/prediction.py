@@ -9,7 +9,7 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...run.half_step import HalfStep
-from ...run.remarks import tells_lost_values
+from ...run.remarks import has_lost_values_remark
 from ..frame.session import Job, Runs
 from ..variants.factors import START
 from ..variants.measures import DONE, Measures
@@ -117,7 +117,7 @@ class Predictor:
             raise InterruptedRunsError
         for position, task in enumerate(tasks):
             outcome, series = outcomes.by_job[position], outcomes.series.get(position)
-            if tells_lost_values(outcome.problem):
+            if has_lost_values_remark(outcome.problem):
                 self.start_value_remark = self.start_value_remark or str(outcome.problem)
             if outcome.half_step is not None:
                 self.half_steps[task[0]] = outcome.half_step

@@ -11,7 +11,7 @@ from ...base.errors import CommandError
 from ...base.wording import format_count
 from ...master.instances.fmu_instance import is_requested_end
 from ...recorders.metrics import MetricDisplay
-from ...run.remarks import tells_lost_values
+from ...run.remarks import has_lost_values_remark
 from ...views.formatting import format_figure
 from ..frame.outputs import Outputs
 from ..frame.report import Report, ReportTable, Section
@@ -96,7 +96,7 @@ def status_line(result: SweepResult) -> str:
     line = f"{format_count(len(statuses), 'variant')}: {', '.join(counts.values()) or 'none'}"
     if ended := sum(is_requested_end(problem) for problem in result.variants[PROBLEM].to_list()):
         line += f". FMUs ended {ended} of them before the stop time: their figures are of shorter runs"
-    if ignoring := sum(tells_lost_values(problem) for problem in result.variants[PROBLEM].to_list()):
+    if ignoring := sum(has_lost_values_remark(problem) for problem in result.variants[PROBLEM].to_list()):
         line += f". In {ignoring} of them, FMUs did not take start values: the column '{PROBLEM}' says which"
     return line
 

@@ -108,7 +108,7 @@ def choose_times(
 
 
 def _read_seconds(experiment: Any, name: str) -> float | None:
-    """Return a time of a default experiment, or None if it is missing or no number."""
+    """Return a time of a default experiment in s, or None if it is missing or not finite."""
     text = getattr(experiment, name, None)
     seconds = math.nan if text is None else float(text)
     return seconds if math.isfinite(seconds) else None
@@ -142,16 +142,16 @@ def load_scenario(source: "str | Path | System", overrides: Mapping[str, Any]) -
         return _load_scenario_file(find_built_in(name), name, overrides, RunOrigin(name))
     if path.suffix.lower() == ".toml":
         text = read_text(path, "the scenario")
-        read = parse_scenario(text, str(path), path.parent)
-        return _load_scenario_file(read, path.stem, overrides, read_origin(path, text.encode()))
+        scenario_file = parse_scenario(text, str(path), path.parent)
+        return _load_scenario_file(scenario_file, path.stem, overrides, read_origin(path, text.encode()))
     if path.suffix.lower() == ".json":
         recorded = load_recorded_run(path, overrides)
         return load_scenario(recorded.source, recorded.with_options(overrides))
-    read = ScenarioFile("", "", {}, str(path), Path())
+    scenario_file = ScenarioFile("", "", {}, str(path), Path())
     if is_fmu(path):
-        return _load_fmu(path, None, read, overrides, _make_package_origin(path))
+        return _load_fmu(path, None, scenario_file, overrides, _make_package_origin(path))
     if _is_ssp(path):
-        return _load_ssp(path, None, read, overrides, _make_package_origin(path))
+        return _load_ssp(path, None, scenario_file, overrides, _make_package_origin(path))
     raise CommandError(
         f"there is no scenario '{name}'; choose from {join_names(SCENARIOS)}, or name a file that ends in "
         ".toml, .ssp, .ssd or .fmu, or the run.json of a run.",
@@ -161,109 +161,112 @@ def load_scenario(source: "str | Path | System", overrides: Mapping[str, Any]) -
 
 
 def _load_scenario_file(
-    read: ScenarioFile, name: str, overrides: Mapping[str, Any], origin: RunOrigin
+    scenario_file: ScenarioFile, name: str, overrides: Mapping[str, Any], origin: RunOrigin
 ) -> Scenario:
     """Return the scenario of a file. Its options override the defaults; `overrides` override both."""
-    described = _find_system_file(read)
-    if described is None:
-        file = read.folder / read.system
+    system_file = _find_system_file(scenario_file)
+    if system_file is None:
+        file = scenario_file.folder / scenario_file.system
         if is_fmu(file):
-            return _load_fmu(file, name, read, overrides, origin)
+            return _load_fmu(file, name, scenario_file, overrides, origin)
         if not _is_ssp(file):
             raise CommandError(
-                f"the scenario '{read.where}' names the system '{read.system}', which is neither an SSP, "
-                f"nor an FMU, nor a joint file, nor one of {join_names(SYSTEMS)}."
+                f"the scenario '{scenario_file.where}' names the system '{scenario_file.system}', which is "
+                f"neither an SSP, nor an FMU, nor a joint file, nor one of {join_names(SYSTEMS)}."
             )
-        return _load_ssp(file, name, read, overrides, origin)
+        return _load_ssp(file, name, scenario_file, overrides, origin)
     values = read_options(overrides)
-    files = (read,) if described is read else (described, read)
+    files = (scenario_file,) if system_file is scenario_file else (system_file, scenario_file)
     layers = [with_gains(layer) for layer in (*(file.options for file in files), values)]
     options = reduce(Options.merged, layers, Options())
-    if described.defaults is not None:  # they depend on the options, which override them
-        options = reduce(Options.merged, layers, Options().merged(described.defaults(options)))
-    made_of: dict[str, Any] = {}
+    if system_file.defaults is not None:  # they depend on the options, which override them
+        options = reduce(Options.merged, layers, Options().merged(system_file.defaults(options)))
+    arguments: dict[str, Any] = {}
     if options.mode is not None:
-        if described.defaults is None:
+        if system_file.defaults is None:
             raise CommandError(
-                f"'{read.where}' has no modes; --mode is for machine files, and for machines such as crane."
+                f"'{scenario_file.where}' has no modes; --mode is for machine files, and for machines such "
+                "as crane."
             )
-        made_of["mode"] = options.mode
+        arguments["mode"] = options.mode
     if options.trajectory is not None:
-        if described.defaults is None and described.system not in FOLLOWING:
+        if system_file.defaults is None and system_file.system not in FOLLOWING:
             raise CommandError(
-                f"'{read.where}' does not follow a trajectory; --trajectory is for "
+                f"'{scenario_file.where}' does not follow a trajectory; --trajectory is for "
                 f"machine files, and for {join_names(sorted(FOLLOWING))}."
             )
-        made_of["trajectory"] = options.trajectory
+        arguments["trajectory"] = options.trajectory
     if options.actuator or options.sheet:
-        actuators = CHANGES["actuator"](described.system, options.actuator, options.sheet, described.sheets)
+        actuators = CHANGES["actuator"](
+            system_file.system, options.actuator, options.sheet, system_file.sheets
+        )
         options = replace(options, actuator=actuators)
-        made_of["actuators"] = actuators
+        arguments["actuators"] = actuators
     if options.load_control is not None:
-        made_of["load_control"] = options.load_control
+        arguments["load_control"] = options.load_control
     if options.notch:
-        made_of["notch"] = options.notch
-    make = described.make or SYSTEMS[described.system]
+        arguments["notch"] = options.notch
+    make = system_file.make or SYSTEMS[system_file.system]
     with accept_faults(options.lenient):  # preparing lists them
-        system = make(options.controller, options.gains, **made_of)
+        system = make(options.controller, options.gains, **arguments)
     if options.supply:
         system = EXTENSIONS["supply"](system)
     for further in STEPPING:
         options = options.merged(further(system, options.class_options))
     scenario = Scenario(
-        name, read.description, system, options, origin=origin.updated(values), remarks=_list_remarks
+        name, scenario_file.description, system, options, origin=origin.updated(values), remarks=_list_remarks
     )
     return replace(scenario, notes=scenario.notes_with(options))
 
 
-def _find_system_file(read: ScenarioFile) -> ScenarioFile | None:
+def _find_system_file(scenario_file: ScenarioFile) -> ScenarioFile | None:
     """Return the file that describes the system of a scenario: itself, a built-in one, or one of `KINDS`.
 
-    Return None for any other system. Raise CommandError as `parse_scenario` does.
+    Return None if the system is not a .toml file, either. Raise CommandError if that is only a scenario.
     """
-    if read.make is not None:
-        return read
-    if read.system in SYSTEMS:
-        return find_built_in(read.system)
-    file = read.folder / read.system
+    if scenario_file.make is not None:
+        return scenario_file
+    if scenario_file.system in SYSTEMS:
+        return find_built_in(scenario_file.system)
+    file = scenario_file.folder / scenario_file.system
     if file.suffix.lower() != ".toml":
         return None
-    scenario_file = parse_scenario(read_text(file, "the system"), str(file), file.parent)
-    if scenario_file.make is None:
+    system_file = parse_scenario(read_text(file, "the system"), str(file), file.parent)
+    if system_file.make is None:
         raise CommandError(
-            f"the scenario '{read.where}' names the system '{read.system}', which is itself a scenario "
-            f"file. Name its system instead: '{scenario_file.system}'."
+            f"the scenario '{scenario_file.where}' names the system '{scenario_file.system}', which is "
+            f"itself a scenario file. Name its system instead: '{system_file.system}'."
         )
-    return scenario_file
+    return system_file
 
 
 def _list_remarks(system: System, options: Options) -> list[str]:
     return [note for remark in REMARKS for note in remark(system, options)]
 
 
-def _refuse_of_built_in(read: ScenarioFile, overrides: Mapping[str, Any]) -> None:
+def _refuse_built_in_options(scenario_file: ScenarioFile, overrides: Mapping[str, Any]) -> None:
     """Raise CommandError if an option for built-in systems is set for another system."""
     for name, option in list_options().items():
-        if option.makes and (name in overrides or name in read.options):
+        if option.makes and (name in overrides or name in scenario_file.options):
             raise CommandError(
-                f"'{read.where}' has its own {option.makes}; {option.flag} is for built-in systems."
+                f"'{scenario_file.where}' has its own {option.makes}; {option.flag} is for built-in systems."
             )
 
 
 def _load_fmu(
-    path: Path, name: str | None, read: ScenarioFile, overrides: Mapping[str, Any], origin: RunOrigin
+    path: Path, name: str | None, scenario_file: ScenarioFile, overrides: Mapping[str, Any], origin: RunOrigin
 ) -> Scenario:
     """Return the scenario of an FMU, with the options of a scenario file."""
-    _refuse_of_built_in(read, overrides)
+    _refuse_built_in_options(scenario_file, overrides)
     values = read_options(overrides)
-    options = Options().merged(read.options).merged(values)
+    options = Options().merged(scenario_file.options).merged(values)
     with accept_faults(options.lenient):  # preparing lists them
         interface = read_interface(path)
         name_of_model = make_component_name(str(interface.description.modelName))
         times, notes = _read_fmu_times(interface, options)
     return Scenario(
         name or name_of_model,
-        read.description or " ".join(str(interface.description.description or "").split()),
+        scenario_file.description or " ".join(str(interface.description.description or "").split()),
         System((Component(name_of_model, fmu=path),), ()),
         options.updated(times),
         tuple(notes),
@@ -272,7 +275,9 @@ def _load_fmu(
 
 
 def make_component_name(model: str) -> str:
-    """Return the component name for a model: the last part of its name, with _ for other signs than letters.
+    """Return the component name for a model: the last part of its name, with _ for other signs.
+
+    Letters, digits and _ stay; it has at most `_LONGEST` letters and does not begin with a digit.
 
     `Modelica.Blocks.PID 2` is `PID_2`.
     """
@@ -281,7 +286,7 @@ def make_component_name(model: str) -> str:
 
 
 def _read_fmu_times(interface: Interface, options: Options) -> tuple[dict[str, float], list[str]]:
-    """Return start, stop and step of the default experiment, and remarks on missing ones."""
+    """Return start, stop and step of a run as options, and remarks on missing and unsuitable ones."""
     declared = read_times(interface)
     times, notes = choose_times(declared, options, "FMU")
     start, stop, step = times.start or 0.0, times.stop or 0.0, times.step or 0.0
@@ -295,24 +300,24 @@ def _read_fmu_times(interface: Interface, options: Options) -> tuple[dict[str, f
 
 
 def _load_ssp(
-    path: Path, name: str | None, read: ScenarioFile, overrides: Mapping[str, Any], origin: RunOrigin
+    path: Path, name: str | None, scenario_file: ScenarioFile, overrides: Mapping[str, Any], origin: RunOrigin
 ) -> Scenario:
     """Return the scenario of an SSP, with the options of a scenario file."""
     from ...ssp.reader.flat_document import read_ssp
 
-    _refuse_of_built_in(read, overrides)
+    _refuse_built_in_options(scenario_file, overrides)
     resources = contextlib.ExitStack()
-    of_file = Options().merged(read.options)
+    of_file = Options().merged(scenario_file.options)
     values = read_options(overrides)
     with accept_faults(of_file.merged(values).lenient) as faults:
         document = resources.enter_context(read_ssp(path))
         weakref.finalize(document, resources.close)  # it names unpacked FMUs
-        times, notes = _read_times(document, of_file.merged(values))
+        times, notes = _read_ssp_times(document, of_file.merged(values))
     # a scenario file overrides the times of the package
-    options = Options().updated(times).merged(read.options)
+    options = Options().updated(times).merged(scenario_file.options)
     return Scenario(
         name or document.name,
-        read.description or document.description,
+        scenario_file.description or document.description,
         document.system,
         options.merged(values),
         (*document.notes, *notes),
@@ -329,8 +334,8 @@ def _make_package_origin(path: Path) -> RunOrigin:
     return read_origin(path, file.read_bytes() if _is_file(file) else None)
 
 
-def _read_times(document: "SspDocument", options: Options) -> tuple[dict[str, float], list[str]]:
-    """Return the times of an SSP as options, and remarks on those that it does not have."""
+def _read_ssp_times(document: "SspDocument", options: Options) -> tuple[dict[str, float], list[str]]:
+    """Return the times of an SSP as options, and remarks on defaults for those that nothing sets."""
     times, notes = Times(document.start_time, document.stop_time, document.step_size), list[str]()
     pairs = ((times.stop, options.stop_time), (times.step, options.step_size))
     if any(declared is None and option is None for declared, option in pairs):
@@ -347,7 +352,7 @@ def is_fmu(path: Path) -> bool:
 
 
 def _is_ssp(path: Path) -> bool:
-    """Return whether a path names an SSP, with or without a variant."""
+    """Return whether a path names an SSP by its ending, or any folder, with or without a variant."""
     return any(x.suffix.lower() in _SSP or _is_folder(x) for x in (path, _strip_variant(path)))
 
 

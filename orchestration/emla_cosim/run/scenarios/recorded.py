@@ -62,11 +62,11 @@ def load_recorded_run(path: Path, overrides: Mapping[str, Any]) -> RecordedRun:
     # tables are merged with the recorded ones, so those must be readable
     replaced = {name for name, value in overrides.items() if not isinstance(value, Mapping)}
     remaining = {name: value for name, value in changed.items() if name not in replaced}
-    _check(remaining, where)
+    _check_repeatable(remaining, where)
     return RecordedRun(source, read_options(select_repeatable(remaining), where), content)
 
 
-def _check(changed: Mapping[str, Any], where: str) -> None:
+def _check_repeatable(changed: Mapping[str, Any], where: str) -> None:
     """Raise CommandError for options that no record has, and for those that were objects of Python."""
     options = list_options()
     for name, value in changed.items():

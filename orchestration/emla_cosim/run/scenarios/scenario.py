@@ -173,7 +173,7 @@ class Scenario:
         # an exported system has no data that could end it
         limited_options = limit_to_data_end(self.with_options(options).options)
         kind = find_kind(Path(file))
-        refuse_unsuited(kind, _list_asked_for(limited_options))
+        refuse_unsuited(kind, _list_explicit_options(limited_options))
         if kind != SSP:
             require_extra("build", f"writing a file '*{kind}'")
         # before FMUs are built, which takes minutes
@@ -239,12 +239,12 @@ class Scenario:
     def _write_fmu(
         self, file: Path, system: System, fmus: Mapping[str, Path], options: Options, progress: Progress
     ) -> None:
-        """Write the prepared system as one FMU."""
+        """Write the prepared system as one FMU, and show remarks on start values that FMUs did not take."""
         from ...container.writer import write_container
 
         if not options.make_step_size_control().is_regular:
             raise CommandError("an FMU of a system has steps of one size; remove the error tolerance.")
-        unsupported = write_container(
+        rejected_values = write_container(
             file,
             self.name,
             self.description,
@@ -261,7 +261,7 @@ class Scenario:
             progress,
         )
         for remark in describe_lost_values(
-            {"components": {c: {"not_taken": v} for c, v in unsupported.items()}}
+            {"components": {c: {"not_taken": v} for c, v in rejected_values.items()}}
         ):
             progress.note(f"Note: {remark}")
 
@@ -273,7 +273,7 @@ def _list_tracked(names: Collection[str], roles: Mapping[str, str]) -> list[str]
 
 
 def find_kind(file: Path) -> str:
-    """Return the kind of a file by its name."""
+    """Return the kind of a file by its ending; any other ending means an SSP."""
     end = file.suffix.lower()
     return end if end in NAMES else SSP
 
@@ -289,7 +289,7 @@ def refuse_unsuited(kind: str, options: Collection[str]) -> None:
         )
 
 
-def _list_asked_for(options: Options) -> list[str]:
+def _list_explicit_options(options: Options) -> list[str]:
     """Return the options of `_ASKED_FOR` that differ from their defaults."""
-    usual = Options()
-    return [name for name in _ASKED_FOR if getattr(options, name) not in (getattr(usual, name), False)]
+    defaults = Options()
+    return [name for name in _ASKED_FOR if getattr(options, name) not in (getattr(defaults, name), False)]

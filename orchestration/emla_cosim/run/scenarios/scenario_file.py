@@ -43,6 +43,8 @@ def with_options(table: type[Struct], name: str, command: str) -> type[Struct]:
 
 
 def _make_field_type(option: Option) -> Any:
+    """Return the type of an option in a scenario file, with how to read and describe its value."""
+
     def read(value: Any, at: Location, folder: Path | None) -> Any:
         return read_option(option.name, value, at.label, folder)
 
