@@ -149,7 +149,7 @@ def quick_imports() -> Iterator[None]:
 
 
 def load_command(name: str) -> click.Command:
-    """Import a command."""
+    """Import the module of a command, and return the command. Raise MissingExtraError without its extras."""
     with quick_imports():
         from ..base.extras import require_extras
         from .command import Command
@@ -197,9 +197,9 @@ def _install_completion(emla: click.Command) -> str:
 
 
 def _show_completion(emla: click.Command) -> str:
-    from .completion import script
+    from .completion import make_script
 
-    return script(emla)
+    return make_script(emla)
 
 
 def _make_action(flag: str, help: str, action: Callable[[click.Command], str]) -> click.Option:

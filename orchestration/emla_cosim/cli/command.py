@@ -119,7 +119,7 @@ report = partial(switch, "Write a page with all results into the output folder."
 
 
 def read_factors(texts: Sequence[str]) -> dict[str, str]:
-    """Return the factors with their values. Raise CommandError for texts that are none."""
+    """Return the values of factors by name. Raise CommandError for any other text, and for a name twice."""
     from ..analyses.variants.distributions import FORMS  # slow to import
 
     factors = dict[str, str]()

@@ -39,6 +39,7 @@ def complete_first_argument(command: str, incomplete: str) -> list[CompletionIte
 
 
 def _match(names: Callable[[], Iterable[object]], incomplete: str) -> list[CompletionItem]:
+    """Return the names that begin with a text; without any, the shell is to complete files."""
     matches = [CompletionItem(n) for n in map(str, names()) if n.startswith(incomplete)]
     return matches or [CompletionItem(incomplete, type="file")]
 
@@ -113,7 +114,10 @@ def install(app: click.Command) -> str:
 
 
 def _install_script(app: click.Command, shell: str) -> Path:
-    """Write the completion script, and make the start file of the shell load it. May raise OSError."""
+    """Write the completion script, and make the start file of the shell load it. Return the script's path.
+
+    May raise OSError.
+    """
     home = Path.home()
     path, start, lines = {
         "bash": (
@@ -130,7 +134,7 @@ def _install_script(app: click.Command, shell: str) -> Path:
     }[shell]
     path.parent.mkdir(parents=True, exist_ok=True)
     with write_atomically(path) as stream:
-        stream.write(f"{script(app)}\n".encode())
+        stream.write(f"{make_script(app)}\n".encode())
     if start is not None:
         start = Path(os.path.realpath(start))  # it may be a link to where its owner keeps such files
         before = start.read_bytes() if start.exists() else b""
@@ -142,7 +146,7 @@ def _install_script(app: click.Command, shell: str) -> Path:
     return path
 
 
-def script(app: click.Command) -> str:
+def make_script(app: click.Command) -> str:
     """Return the completion script of the user's shell. Raise ValueError if the shell is not supported."""
     shell = get_completion_class(_detect_shell())
     assert shell is not None

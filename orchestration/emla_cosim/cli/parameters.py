@@ -62,7 +62,7 @@ def read_values(options: Iterable[Option], texts: dict[str, Any]) -> dict[str, A
         CommandError: If a text is not a value of its option.
     """
     written = [o for o in options if texts[o.name] not in (None, ())]
-    values = {o.name: _read(o, texts[o.name]) for o in written}
+    values = {o.name: _convert(o, texts[o.name]) for o in written}
     for option in written:
         value = values[option.name]
         for part in value if isinstance(value, list) else [value]:
@@ -70,22 +70,24 @@ def read_values(options: Iterable[Option], texts: dict[str, Any]) -> dict[str, A
     return values
 
 
-def _read(option: Option, text: Any) -> Any:
+def _convert(option: Option, text: Any) -> Any:
     """Convert a text, the texts of a repeatable option, or the state of a switch."""
     if option.parse is not None:
         return option.parse(text)
     if option.is_table:
-        of = get_args(option.plain_type)[1]
-        return {name: _read_entry(option, name, value, of) for name, value in _split_pairs(option.flag, text)}
+        kind = get_args(option.plain_type)[1]
+        return {
+            name: _convert_entry(option, name, value, kind) for name, value in _split_pairs(option.flag, text)
+        }
     if option.unit:
         return read_option(option.name, text, option.flag, allowed={option.name: option})
     if option.is_repeatable:
-        return [_read_plain(f"{option.flag} {part}", part, option.text_type) for part in text]
-    return _read_plain(f"{option.flag} {text}", text, option.text_type)
+        return [_convert_plain(f"{option.flag} {part}", part, option.text_type) for part in text]
+    return _convert_plain(f"{option.flag} {text}", text, option.text_type)
 
 
-def _read_plain(label: str, text: Any, kind: Callable[[Any], Any]) -> Any:
-    """Convert a text to a number or path. Raise CommandError if it is neither."""
+def _convert_plain(label: str, text: Any, kind: Callable[[Any], Any]) -> Any:
+    """Convert a text to a number or a path, or leave it a text. Raise CommandError if it is not a number."""
     try:
         return kind(text) if kind in (int, float, Path) else text
     except ValueError as error:
@@ -93,7 +95,8 @@ def _read_plain(label: str, text: Any, kind: Callable[[Any], Any]) -> Any:
         raise CommandError(f"{label} is not {noun}.") from error
 
 
-def _read_entry(option: Option, name: str, text: str, kind: Any) -> Any:
+def _convert_entry(option: Option, name: str, text: str, kind: Any) -> Any:
+    """Convert the value of a table's entry; for an option with arrays, it can be a list such as [1,2]."""
     label = f"{option.flag} {name}={text}"
     if option.arrays and text.startswith("[") and text.endswith("]"):
         try:
@@ -102,7 +105,7 @@ def _read_entry(option: Option, name: str, text: str, kind: Any) -> Any:
             raise CommandError(
                 f"{label} is not a list; write [1,2], or [[1,2],[3,4]] for a matrix."
             ) from error
-    return _read_plain(label, text, kind)
+    return _convert_plain(label, text, kind)
 
 
 def _split_pairs(flag: str, texts: Sequence[str]) -> Iterable[tuple[str, str]]:

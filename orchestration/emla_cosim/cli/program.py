@@ -53,6 +53,10 @@ def _find_command(arguments: Sequence[str]) -> str:
 
 
 def _run() -> None:
+    """Run the command, or answer a shell that asks for completions.
+
+    Errors that the command does not report become one message and the exit code 1.
+    """
     try:
         if _read_memory_limit() is not None:
             os.environ.setdefault("POLARS_MAX_THREADS", "1")  # it waits for threads that get no memory
@@ -73,14 +77,14 @@ def _run() -> None:
         *_, reason = str(error).strip().rstrip(".").splitlines() or ["there is not enough memory"]
         _exit_with_error(f"Error: emla cannot be started: {reason}.")
     except OSError as error:  # from printing help or a usage error
-        if not _can_write(sys.stdout, "\n"):
+        if not _try_to_write(sys.stdout, "\n"):
             _exit_with_error(f"Error: the standard output cannot be written: {error.strerror}.")
-        if not _can_write(sys.stderr, "\n"):
+        if not _try_to_write(sys.stderr, "\n"):
             sys.exit(2)
         raise
     except BaseException as error:  # libraries fail in many ways when memory runs out
         if type(error).__name__ == "PanicException":  # polars has written why
-            _can_write(sys.stdout)
+            _try_to_write(sys.stdout)
             os._exit(1)  # the supervising process completes the results
         if (limit := _read_memory_limit()) is None:
             raise
@@ -90,7 +94,7 @@ def _run() -> None:
     finally:
         ignore_interrupts()
         for stream in (sys.stdout, sys.stderr):
-            if not _can_write(stream):  # already reported; Python would exit with another code
+            if not _try_to_write(stream):  # already reported; Python would exit with another code
                 with Path(os.devnull).open("w") as nowhere:
                     os.dup2(nowhere.fileno(), stream.fileno())
 
@@ -150,8 +154,8 @@ def _make_writable(stream: TextIO | None) -> TextIO:
     return stream
 
 
-def _can_write(stream: TextIO, text: str = "") -> bool:
-    """Return whether the stream accepts a text, and what is in its buffer."""
+def _try_to_write(stream: TextIO, text: str = "") -> bool:
+    """Write a text and what is in the buffer. Return whether the stream accepted them."""
     try:
         stream.write(text)
         stream.flush()

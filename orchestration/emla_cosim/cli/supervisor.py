@@ -132,6 +132,7 @@ class _Supervision:
             self._inspect_child()
 
     def _pass_on(self, number: int) -> None:
+        """Pass a signal to the child if it is one of `POLITE`, and count it as a request to end."""
         if number not in POLITE:
             return
         if not is_repeated_request():
@@ -139,7 +140,7 @@ class _Supervision:
         os.kill(self._child, number)
 
     def _inspect_child(self) -> None:
-        """Look at what the child does."""
+        """Kill the child if it does not end in time, or report a call of an FMU that does not return."""
         now, calls = time.monotonic(), [bytes(activity) for activity in list_busy_activities()]
         if calls != self._calls:
             self._calls, self._called = calls, now

@@ -36,7 +36,7 @@ def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:
 
 
 def show_report(report: Report) -> None:
-    """Show the lines and tables of a report."""
+    """Show the lines and tables of a report, without the sections that are details."""
     for section in report.sections:
         if section.is_detail:
             continue

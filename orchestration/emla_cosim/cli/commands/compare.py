@@ -25,8 +25,8 @@ def _split_names(text: str) -> list[str]:
     return [part.strip() for part in text.split(",")]
 
 
-def _read_reserves(text: str) -> list[float]:
-    """Read the two numbers of an option. Raise CommandError for any other text."""
+def _read_limit_reserves(text: str) -> list[float]:
+    """Read the fractions of limits that controllers keep in reserve. Raise CommandError for other texts."""
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
@@ -72,7 +72,7 @@ class Parameters:
         help="Fractions of current and voltage that every controller keeps in reserve, such as "
         "0.02,0.2. Default: those of its gain set.",
         metavar="CURRENT,VOLTAGE",
-        parse=_read_reserves,
+        parse=_read_limit_reserves,
     )
     resolution: int | None = _compared_option(
         help=f"Points along each axis of the maps of {STABILITY}. Default: {RESOLUTION}."

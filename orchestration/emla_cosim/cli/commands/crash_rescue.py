@@ -85,7 +85,7 @@ class CrashPlan:
         output: Other arguments of `OutputFolder`.
         notes: Remarks on the scenario.
         verbosity: What the command shows.
-        begun: The run.
+        started_run: The run; None before its first step.
     """
 
     name: str
@@ -122,7 +122,7 @@ class CrashRecorder(Recorder):
     def __str__(self) -> str:
         return "the record of the run"
 
-    def watch(self, simulation: Simulation, table: Recorder) -> None:
+    def set_run(self, simulation: Simulation, table: Recorder) -> None:
         """Set the simulation whose run is recorded, and its table."""
         self._simulation, self._table = simulation, table
 
@@ -137,7 +137,7 @@ class CrashRecorder(Recorder):
 
     def begin(self, layout: RunLayout, state: Any = None) -> None:
         """Keep the layout of the run."""
-        self._outline = layout
+        self._layout = layout
 
     def pause(self, run: Pause) -> None:
         """Write the plan before the first step."""
@@ -146,7 +146,7 @@ class CrashRecorder(Recorder):
         if isinstance(self._table, FileTable):  # a registered format can only be written by its own process
             started_run = StartedRun(
                 replace(self._simulation.so_far(), table=None),
-                self._outline,
+                self._layout,
                 run.transformations,
                 None if self._rows is None else self._rows.path,
                 self._why_no_file,
@@ -164,8 +164,8 @@ class CrashRecorder(Recorder):
         crash_page.current_activity().stage = Stage.ROWS_WRITTEN
         self.close()
 
-    def keep(self) -> None:
-        """Note that all files are written."""
+    def note_files_written(self) -> None:
+        """Note on the crash page that all files of the run are written."""
         crash_page.current_activity().stage = Stage.FILES_WRITTEN
 
     def close(self) -> None:
@@ -205,7 +205,7 @@ def rescue_results(how: str, ended: float) -> None:
         return
     try:
         output = OutputFolder(plan.folder, **plan.output)
-        # before `alone`, which removes their file
+        # before `reserve`, which removes their file
         rows = None if plan.started_run is None else _read_rows(plan.started_run)
         with output.reserve(), use_verbosity(plan.verbosity):
             message = _save_results(plan, output, cause, ended, rows)
@@ -215,7 +215,7 @@ def rescue_results(how: str, ended: float) -> None:
 
 
 def report_late_call(seconds: int, is_requested: bool) -> None:
-    """Show which component does not return from a call.
+    """Show which component does not return from a call; a quiet command only says so once it is to end.
 
     Args:
         seconds: Time since the call began.

@@ -53,7 +53,7 @@ def show_machine(machine: MachineInfo, has_parameters: bool) -> None:
     header = ["holding force / kN", "at start", "over all strokes", "largest at strokes / m"]
     limits = {"continuous limit": "continuous_force", "largest": "largest_force"}
     limits = {text: x for text, x in limits.items() if any(getattr(a, x) for a in machine.actuators)}
-    _show_columns([*header, *limits], [_format_forces(x, limits.values()) for x in machine.actuators], 1)
+    _show_columns([*header, *limits], [_format_force_row(x, limits.values()) for x in machine.actuators], 1)
     closures = [(", ".join(x.coordinates), ", ".join(x.lengths), x.method) for x in machine.closures]
     _show_columns(("coordinates of", "follow from", "by"), closures, 3)
     if has_parameters:
@@ -79,7 +79,8 @@ def describe_overload(actuator: ActuatorInfo) -> str:
     return f"{actuator.name} needs {1e-3 * force:.4g} kN, but holds {1e-3 * largest:.4g} kN at the most."
 
 
-def _format_forces(actuator: ActuatorInfo, limits: Iterable[str]) -> Sequence[str]:
+def _format_force_row(actuator: ActuatorInfo, limits: Iterable[str]) -> Sequence[str]:
+    """Return the row of an actuator in the table of forces, in kN; `limits` are names of its attributes."""
     forces = (getattr(actuator, name) for name in limits)
     return (
         actuator.name,
@@ -90,11 +91,11 @@ def _format_forces(actuator: ActuatorInfo, limits: Iterable[str]) -> Sequence[st
     )
 
 
-def _show_columns(header: Sequence[str], rows: Iterable[Sequence[str]], texts: int) -> None:
+def _show_columns(header: Sequence[str], rows: Iterable[Sequence[str]], text_columns: int) -> None:
     """Show a table, whose first columns are texts."""
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for i, name in enumerate(header):
-        table.add_column(name, justify="left" if i < texts else "right", overflow="fold")
+        table.add_column(name, justify="left" if i < text_columns else "right", overflow="fold")
     for row in rows:
         table.add_row(*map(Text, row))
     show_table(table)
@@ -204,6 +205,7 @@ def _show(content: Info, header: bool) -> None:
 
 
 def _show_header(content: Info) -> None:
+    """Show the times of runs and the facts of the FMU, or a table of all FMUs with their components."""
     start, stop, step = content.start_time or 0.0, content.stop_time, content.step_size
     if stop is not None and step is not None:
         print_line(f"Runs from {start:g} to {stop:g} s in steps of {step:g} s.")
@@ -257,11 +259,11 @@ def _show_table(rows: Sequence[DisplayRow], title: str, prefix: str) -> None:
     show_table(table)
 
 
-def _format_meaning(row: DisplayRow, about: str = "") -> Text:
-    """Return the description and the connections of a variable."""
+def _format_meaning(row: DisplayRow, details: str = "") -> Text:
+    """Return the description of a variable, followed by `details` and its connections."""
     meaning = _make_cell(row.meaning)
     more = [f"and {len(row.connected) - _MOST_ENDS} more"] if len(row.connected) > _MOST_ENDS else []
-    for added in filter(None, (about, *row.connected[:_MOST_ENDS], *more)):
+    for added in filter(None, (details, *row.connected[:_MOST_ENDS], *more)):
         meaning.append("; " if meaning else "")
         meaning.append(shorten_text(added, LONGEST), style="dim")
     return meaning

@@ -54,7 +54,7 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
 
 
 def _name_new_folder(record: Path) -> Path:
-    """Return a new folder beside that of a record."""
+    """Return the path of a folder beside that of a record; an earlier repetition may have created it."""
     folder = record.parent
     if folder.name in ("", ".."):  # such a path has no last name to extend
         folder = real_place(record).parent

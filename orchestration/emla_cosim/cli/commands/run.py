@@ -95,7 +95,7 @@ def run_into(
                 roles = list_roles(scenario_to_run.system, scenario_to_run.options)
                 check_animated(scenario_to_run.name, simulation.names, recorded_names, roles)
             file_recorders = output.recorders(scenario_to_run.name, continued=options.resume is not None)
-            crash_recorder.watch(simulation, file_recorders[-1])
+            crash_recorder.set_run(simulation, file_recorders[-1])
             recorders = [*file_recorders, ProgressRecorder(progress), crash_recorder]
             with catch_interrupts() as is_interrupted:  # from the first row to the last file
                 result = simulation.attempt(recorders=recorders)
@@ -112,7 +112,7 @@ def run_into(
                     notes,
                     is_interrupted,
                 )
-                crash_recorder.keep()
+                crash_recorder.note_files_written()
     show_result(result, [note for note in notes if note not in shown_notes], output, pictures)
     on_result(result)
     if result.problem is not None:
@@ -142,7 +142,7 @@ def _show_actuators(scenario: Scenario) -> Sequence[str]:
 
 
 def _check_files(file: Path | None, options: Options, output: OutputFolder) -> None:
-    """Raise CommandError if an output file is also an input, or would be written twice."""
+    """Raise CommandError if an output file is also an input, is written twice, or must not be replaced."""
     results = output.roles
     read = ({} if file is None else {file: "the scenario"}) | options.files_read()
     if options.checkpoint is not None:

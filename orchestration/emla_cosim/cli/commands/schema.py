@@ -34,7 +34,7 @@ class FileKind(NamedTuple):
     struct: Callable[[], type[msgspec.Struct]]
 
 
-def _read_trajectory_struct() -> type[msgspec.Struct]:
+def _import_trajectory_struct() -> type[msgspec.Struct]:
     # loads casadi and scipy, which other kinds do not need
     from ...analyses.trajectory.problem import PROBLEM
 
@@ -49,7 +49,7 @@ FILE_KINDS: Mapping[str, FileKind] = {
     "sweep": FileKind("Plan of emla sweep", lambda: plan_struct(Plan.struct())),
     "tune": FileKind("Plan of emla tune", lambda: plan_struct(TuningPlan.struct())),
     "identify": FileKind("Plan of emla identify", lambda: plan_struct(IdentificationPlan.struct())),
-    "trajectory": FileKind("Problem of emla trajectory", _read_trajectory_struct),
+    "trajectory": FileKind("Problem of emla trajectory", _import_trajectory_struct),
     "reference": FileKind("What belongs to a reference solution, MODEL_ref.toml", lambda: ReferenceTable),
 }
 """Kinds of files in TOML that commands read, by name."""

@@ -91,8 +91,8 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
 def _split_candidates(texts: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, list[str]]]:
     """Return the actuators of joints with one file, and the files of joints with several."""
     files = {joint: [part for part in str(text).split(",") if part] for joint, text in texts.items()}
-    if none := [joint for joint, text in files.items() if not text]:
-        raise CommandError(f"--actuator {none[0]}={texts[none[0]]} names no file.")
+    if empty := [joint for joint, text in files.items() if not text]:
+        raise CommandError(f"--actuator {empty[0]}={texts[empty[0]]} names no file.")
     return (
         {joint: text[0] for joint, text in files.items() if len(text) == 1},
         {joint: text for joint, text in files.items() if len(text) > 1},

@@ -77,7 +77,7 @@ class Parameters:
 def command(parameters: Parameters, options: dict[str, Any]) -> None:
     """Find the motion of a machine with the least actuator power."""
     problem = load_problem(parameters.problem, parameters.set)
-    path = parameters.output or _choose_default_path()
+    path = parameters.output or _prepare_default_path()
     overwrite = options.get("overwrite", False)
     files = MotionFiles(path, problem, parameters.problem, overwrite, parameters.plots, parameters.report)
     options |= vars(parameters) | {"output": path, "problem": problem}
@@ -88,7 +88,8 @@ def command(parameters: Parameters, options: dict[str, Any]) -> None:
     print_line(f"Wrote {', '.join((str(path), *(file.name for file in files.paths[1:])))}")
 
 
-def _choose_default_path() -> Path:
+def _prepare_default_path() -> Path:
+    """Return the default path of the trajectory file, and create its folder."""
     folder = results_folder("trajectory")
     with report_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)

@@ -180,7 +180,10 @@ def _check_report_files(reports: Mapping[str, Path], files: Iterable[Path], over
 
 
 def _build_built_in(progress: Progress) -> dict[str, Path]:
-    """Return the FMUs of all built-in models, by model and flavour; native ones only without the extra."""
+    """Build the FMUs of all built-in models, and return them by model and flavour.
+
+    Without the extra `build`, these are the native ones only.
+    """
     flavours = FLAVOURS if has_extra("build") else FLAVOURS[:1]
     if flavours != FLAVOURS:
         progress.note("Note: only native FMUs are verified, because those of PythonFMU need the extra build.")
