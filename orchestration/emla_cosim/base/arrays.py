@@ -114,7 +114,7 @@ def write_types(types: Mapping[str, SignalType]) -> dict[str, Any]:
 
 
 def read_types(content: Any) -> dict[str, SignalType]:
-    """Return types of signals from plain data or its JSON; entries with other content are left out."""
+    """Return types of signals from plain data or its JSON, without Reals; none if any content is wrong."""
     try:
         entries = json.loads(content) if isinstance(content, str) else content
         return {

@@ -109,6 +109,7 @@ class Channel:
             os.close(self._outgoing)
 
     def _receive(self, timeout: float | None, longest: int = sys.maxsize) -> bytes:
+        """Return the bytes of the next message, of at most `longest`. Raise what `receive` does."""
         until = None if timeout is None else time.monotonic() + timeout
         self._fill(_HEAD.size, until)
         mark, length = _HEAD.unpack_from(self._received)
@@ -121,7 +122,7 @@ class Channel:
         return content
 
     def _fill(self, count: int, until: float | None) -> None:
-        """Read until so many bytes are there."""
+        """Read until so many bytes are there. Raise EOFError at the end, TimeoutError at the time `until`."""
         while len(self._received) < count:
             if not self._has_input():
                 if self._has_ended:  # at the look before: nothing more comes
@@ -135,7 +136,10 @@ class Channel:
                 raise EOFError
 
     def _has_input(self) -> bool:
-        """Return whether there is something to read, or the other end is closed; wait for it a short time."""
+        """Return whether there is something to read, or the other end is closed; wait for it a short time.
+
+        It is always true where nothing can be checked; reading waits then.
+        """
         if self._poll is not None:
             return bool(self._poll.poll(1e3 * POLL_INTERVAL))
         if sys.platform != "win32" or self._is_alive is None:

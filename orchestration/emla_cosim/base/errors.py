@@ -81,7 +81,7 @@ def raise_machine_fault(error: BaseException, subject: str) -> None:
 
     Args:
         error: The error.
-        subject: What cannot be read or written, such as `'lift.fmu'`.
+        subject: What cannot be read, such as `'lift.fmu'`.
     """
     if (fault := find_machine_fault(error)) is not None:
         raise RunError(
@@ -121,7 +121,7 @@ def check_choice(kind: str, name: object, choices: Iterable[str]) -> None:
 
 
 def join_names(names: Iterable[str]) -> str:
-    """Join names to a phrase: `a, b and c`."""
+    """Join one or more names to a phrase: `a, b and c`."""
     *front, last = names
     return f"{', '.join(front)} and {last}" if front else last
 

@@ -31,7 +31,7 @@ class MissingExtraError(CommandError, ImportError):
 
 def has_extra(extra: str) -> bool:
     """Return whether all packages of an extra are installed."""
-    return not _list_missing(extra)
+    return not _list_missing_packages(extra)
 
 
 def require_extras(extras: Sequence[str], subject: str) -> None:
@@ -44,7 +44,7 @@ def require_extras(extras: Sequence[str], subject: str) -> None:
     Raises:
         MissingExtraError: If one is not.
     """
-    lacking = {extra: missing for extra in extras if (missing := _list_missing(extra))}
+    lacking = {extra: missing for extra in extras if (missing := _list_missing_packages(extra))}
     if lacking:
         packages = list(dict.fromkeys(package for missing in lacking.values() for package in missing))
         raise _make_missing_error(list(lacking), subject, packages)
@@ -61,13 +61,14 @@ def explain_missing(error: ImportError, subject: str) -> CommandError | None:
         return error
     module = (error.name or "").partition(".")[0]
     for extra in EXTRAS:
-        for package in _list_missing(extra):  # not those that are installed, but broken
+        for package in _list_missing_packages(extra):  # not those that are installed, but broken
             if module == _MODULES.get(package, package):
                 return _make_missing_error([extra], subject, [package])
     return None
 
 
-def _list_missing(extra: str) -> list[str]:
+def _list_missing_packages(extra: str) -> list[str]:
+    """Return the packages of an extra that are not installed."""
     specs = {package: find_spec(_MODULES.get(package) or package) for package in EXTRAS[extra]}
     # a folder of users that has the name has no origin
     return [package for package, spec in specs.items() if spec is None or spec.origin is None]

@@ -147,7 +147,7 @@ def hash_plain_data(content: object) -> str:
 
 
 def hash_if_readable(path: Path) -> str | None:
-    """Return the SHA-256 hash of a file, or None if it cannot be read."""
+    """Return the SHA-256 hash of a file, or None if it cannot be read or is not a file."""
     try:
         return hash_file(path) if path.is_file() else None
     except (OSError, ValueError):

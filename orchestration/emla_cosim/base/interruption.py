@@ -88,7 +88,10 @@ def ignore_interrupts() -> None:
 
 
 def is_repeated_request() -> bool:
-    """Return whether this signal repeats the last one: a process gets it directly and from its parent."""
+    """Return whether this signal repeats the last one: a process gets it directly and from its parent.
+
+    If not, it counts as the last one from now on.
+    """
     now = time.monotonic()
     is_repeated = now - _LastRequest.time < ONE_REQUEST
     if not is_repeated:

@@ -196,6 +196,7 @@ class Option:
         return self._drop_objects(self.type)
 
     def _drop_objects(self, of: Any) -> Any:
+        """Return a union without the type `takes`; other types unchanged."""
         inner = get_args(of)
         if self.takes not in inner:
             return of
@@ -268,10 +269,11 @@ def options_of(kind: type) -> list[Option]:
     """Return the options among the fields of a class, none if it is not a dataclass."""
     described = [f for f in fields(kind) if "option" in f.metadata] if is_dataclass(kind) else []
     types = get_type_hints(kind) if described else {}
-    return [_of_field(f, types[f.name]) for f in described]
+    return [_complete_option(f, types[f.name]) for f in described]
 
 
-def _of_field(field: Field[Any], type_: Any) -> Option:
+def _complete_option(field: Field[Any], type_: Any) -> Option:
+    """Return the option that a field declares, with its name, type and default."""
     declared: Option = field.metadata["option"]
     return replace(
         declared,

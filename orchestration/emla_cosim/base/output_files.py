@@ -257,6 +257,7 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
 
 
 def _read_head(path: Path) -> bytes:
+    """Return the first bytes of the file that names the process with the lock; none without the file."""
     with suppress(FileNotFoundError), path.open("rb") as stream:  # the other run just ends
         return stream.read(len(_HOLDER_HEAD))
     return b""
@@ -272,6 +273,7 @@ def _read_holder(path: Path) -> dict[str, Any]:
 
 
 def _describe_holder(path: Path) -> str:
+    """Return process and time of the lock as a part of a message; empty if they are not known."""
     holder = _read_holder(path)
     if not {"process", "began"} <= holder.keys():
         return ""

@@ -86,18 +86,18 @@ class Child:
 
     def receive(self, timeout: float | None = None) -> Any:
         """Return the next object. Raise TimeoutError if it is not complete after `timeout` seconds."""
-        return self._report_end(self._channel.receive, timeout)
+        return self._receive_from_child(self._channel.receive, timeout)
 
     def receive_bytes(self, timeout: float | None = None) -> bytes:
         """Return the next message of `Channel.send_bytes`; see `receive`."""
-        return self._report_end(self._channel.receive_bytes, timeout)
+        return self._receive_from_child(self._channel.receive_bytes, timeout)
 
     def is_alive(self) -> bool:
         """Return whether the child runs. What it started ends with it."""
         if self._code is None:
             self._code = self._process.poll()
             if self._code is not None:
-                self._signal_group()
+                self._kill_group()
         return self._code is None
 
     def wait(self, timeout: float | None = None) -> int | None:
@@ -112,7 +112,7 @@ class Child:
     def kill(self) -> None:
         """End the child and all that it started."""
         if self.is_alive():
-            self._signal_group()
+            self._kill_group()
             with suppress(OSError):  # it may not lead its group yet
                 os.kill(self._process.pid, signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL)
         self.wait()
@@ -125,7 +125,8 @@ class Child:
         self.kill()
         self._channel.close()
 
-    def _report_end(self, receive: Callable[[float | None], Any], timeout: float | None) -> Any:
+    def _receive_from_child(self, receive: Callable[[float | None], Any], timeout: float | None) -> Any:
+        """Call a method that receives. Raise ChildEndedError if the child ended, or TimeoutError."""
         try:
             return receive(timeout)
         except TimeoutError:
@@ -134,11 +135,13 @@ class Child:
             raise self._make_ended_error(error) from error
 
     def _make_ended_error(self, error: Exception) -> ChildEndedError:
+        """Return the error that says how the child ended, and end all that is left of it."""
         how = str(error) if isinstance(error, GarbledError) else describe_exit(self.wait(_END_TIMEOUT))
         self.kill()  # what wrote to the channel may continue
         return ChildEndedError(how)
 
-    def _signal_group(self) -> None:
+    def _kill_group(self) -> None:
+        """Kill the child and all that it started, where the system has process groups."""
         if hasattr(os, "killpg"):
             with suppress(OSError):
                 os.killpg(self._process.pid, signal.SIGKILL)
@@ -158,7 +161,7 @@ class _Fork:
                     signal.signal(number, signal.SIG_DFL)
                 _redirect(os.O_RDONLY, 0)
             finally:
-                _call(do, Channel(*pipes), arguments, parent)
+                _call_and_exit(do, Channel(*pipes), arguments, parent)
 
     def poll(self) -> int | None:
         """Return how the process ended, or None."""
@@ -195,10 +198,12 @@ def main() -> None:
         do = getattr(importlib.import_module(module), function)
         gc.freeze()
         gc.enable()
-        _call(do, channel, arguments, int(sys.argv[2]))
+        _call_and_exit(do, channel, arguments, int(sys.argv[2]))
 
 
-def _call(do: Callable[..., None], channel: Channel, arguments: tuple[Any, ...], parent: int) -> NoReturn:
+def _call_and_exit(
+    do: Callable[..., None], channel: Channel, arguments: tuple[Any, ...], parent: int
+) -> NoReturn:
     """Call the function of a child, and end this process: exit handlers of FMU libraries must not run."""
 
     def end() -> None:
@@ -305,7 +310,10 @@ class ChildPool:
 
 
 def describe_exit(code: int | None) -> str:
-    """Return how a process ended, from its exit code or the negative signal number; None if it runs."""
+    """Return how a process ended, from its exit code or the negative signal number.
+
+    With None, the process has closed its connection, but still runs.
+    """
     if code is None:
         return "it closed its connection"
     if code >= 0:
@@ -327,7 +335,10 @@ def _redirect(mode: int, *streams: int) -> None:
 
 
 def limit_memory(additional: int) -> None:
-    """Limit the additional memory of this process in bytes, if the system supports limits."""
+    """Limit the additional memory of this process in bytes, if the system supports limits.
+
+    A crash then writes no memory dump, either.
+    """
     with suppress(ImportError, OSError, ValueError):
         import resource
 

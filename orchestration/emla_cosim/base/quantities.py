@@ -71,7 +71,7 @@ def resolve_conversion(unit: SiUnit | None, target: SiUnit | None, label: str) -
 
     Args:
         unit: The unit; None if the numbers are in the target's unit.
-        target: The unit to convert to.
+        target: The unit to convert to; None leaves the numbers as they are.
         label: What messages call the quantity.
 
     Raises:
@@ -197,7 +197,7 @@ def parse_quantity(text: str, label: str, target: SiUnit | None = None) -> Quant
         target: The unit to convert to, see `parse_unit_name`.
 
     Raises:
-        CommandError: If it is not a number with or without a unit.
+        CommandError: If it is not a number with or without a unit, or the unit is unknown.
     """
     number, unit = split_quantity(text, label)
     return Quantity(number, parse_unit_name(unit, label, target) if unit else None)

@@ -70,7 +70,7 @@ class Tolerance:
         time: shift in time, in s.
 
     Raises:
-        CommandError: a part is negative or not a number.
+        CommandError: a part is negative, infinite or not a number.
     """
 
     relative: float | None = None
@@ -82,7 +82,9 @@ class Tolerance:
         for part in fields(self):
             value = getattr(self, part.name)
             if value is not None and not 0.0 <= value < np.inf:
-                raise CommandError(f"the {part.name} tolerance {value:g} must be 0 or a positive number.")
+                raise CommandError(
+                    f"the {part.name} tolerance {value:g} must be 0 or a positive number, not infinite."
+                )
 
     def tube(self, time: Vector, reference: Vector) -> Tube:
         """Return the tube around a reference with finite values at these times in s."""
@@ -125,6 +127,7 @@ def read_tolerances(texts: Sequence[str]) -> dict[str, Tolerance]:
 
 
 def _read_tolerance(text: str) -> tuple[str, Tolerance]:
+    """Return the pattern of signals, `*` without one, and their tolerance."""
     pattern, equals, value = text.rpartition("=")
     allowed = [part.name for part in fields(Tolerance)]
     parts: dict[str, float] = {}

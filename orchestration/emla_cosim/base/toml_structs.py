@@ -41,7 +41,7 @@ def describe(
     read: Callable[[Any, Location, Path | None], Any] | None = None,
     **settings: Any,
 ) -> msgspec.Meta:
-    """Annotate an entry with its meaning.
+    """Return the annotation of an entry with its meaning.
 
     Args:
         about: Its meaning, without an article.
@@ -58,7 +58,9 @@ def describe(
 
 
 def quantity(unit: str, about: str = "", example: Any = None, **bounds: Any) -> msgspec.Meta:
-    """Annotate a number, or a tuple of numbers: a file can also have a text with another unit.
+    """Return the annotation of a number with a unit, or of a tuple of numbers.
+
+    A file can also have a text with another unit.
 
     Args:
         unit: The unit of the number; empty for a plain number.
@@ -72,7 +74,7 @@ def quantity(unit: str, about: str = "", example: Any = None, **bounds: Any) -> 
 
 
 def dotted(about: str, is_value: Callable[[Table], bool] = lambda _: False) -> msgspec.Meta:
-    """Annotate a table whose names may have dots, which TOML nests.
+    """Return the annotation of a table whose names may have dots, which TOML nests.
 
     Args:
         about: Its meaning.
@@ -82,7 +84,7 @@ def dotted(about: str, is_value: Callable[[Table], bool] = lambda _: False) -> m
 
 
 def one_of(tag: str, types: Mapping[str | None, type[msgspec.Struct]], about: str = "") -> msgspec.Meta:
-    """Annotate `Any` as one of several structs, of which the entry `tag` names one.
+    """Return the annotation of `Any` as one of several structs, of which the entry `tag` names one.
 
     Args:
         tag: The entry that names a struct.
@@ -268,7 +270,7 @@ def _adapt(node: Any) -> Any:
 
 
 def _nest(properties: Mapping[str, Any]) -> dict[str, Any]:
-    """Add, to names with dots, the tables as which TOML reads them."""
+    """Return the properties, and for names with dots also the tables as which TOML reads them."""
     tables, inner = dict(properties), dict[str, dict[str, Any]]()
     for name, value in properties.items():
         first, dot, rest = name.partition(".")

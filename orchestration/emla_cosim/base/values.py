@@ -103,7 +103,7 @@ def _flatten(table: Mapping[str, Any], is_value: Callable[[Mapping[str, Any]], b
 
 
 def list_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
-    """Replace each entry that has a list by entries `name[1]`, `name[2]`, of nested lists by `name[1,2]`.
+    """Return the entries with `name[1]`, `name[2]` in place of one with a list, `name[1,2]` of nested lists.
 
     Args:
         values: Values by name: single ones, lists, or arrays of NumPy.
@@ -206,10 +206,10 @@ def _convert_table(value: Any, type_: Any, at: Location, folder: Path | None) ->
     if problems:
         texts = [text for error in problems for text in error.fields.get("problems", [str(error)])]
         raise combine_problems(at.file or at.label, texts)
-    return _make(type_, values, at)
+    return _make_object(type_, values, at)
 
 
-def _make(type_: Any, values: Mapping[str, Any], at: Location) -> Any:
+def _make_object(type_: Any, values: Mapping[str, Any], at: Location) -> Any:
     """Make a struct or a dataclass; errors of its checks get its name."""
     try:
         return type_(**values)
@@ -266,14 +266,14 @@ def _convert_record(value: Any, type_: Any, at: Location, folder: Path | None) -
         return converted.within(folder) if folder is not None and hasattr(converted, "within") else converted
     fields = list_fields(type_)
     first = fields[0].type
-    if isinstance(value, (str, Path)) or (isinstance(value, (int, float)) and _is_number(first)):
-        return _make(type_, {fields[0].attribute: convert_at(value, first, at, folder)}, at)
-    plain = "a number" if _is_number(first) else "a text" if hasattr(type_, "of_text") else "a path"
-    texts = (f"{f.name} = {example_of(float if _is_number(f.type) else str)}" for f in fields)
+    if isinstance(value, (str, Path)) or (isinstance(value, (int, float)) and _is_number_type(first)):
+        return _make_object(type_, {fields[0].attribute: convert_at(value, first, at, folder)}, at)
+    plain = "a number" if _is_number_type(first) else "a text" if hasattr(type_, "of_text") else "a path"
+    texts = (f"{f.name} = {example_of(float if _is_number_type(f.type) else str)}" for f in fields)
     raise _make_type_error(at.label, value, f"{plain}, or {{ {', '.join(texts)} }}")
 
 
-def _is_number(type_: Any) -> bool:
+def _is_number_type(type_: Any) -> bool:
     return float in (type_, *get_args(type_))
 
 

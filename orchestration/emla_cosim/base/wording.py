@@ -38,7 +38,7 @@ def format_rounded(value: float, digits: int = 3) -> str:
 
 
 def list_few(names: Sequence[str]) -> str:
-    """Return the first names, each once, and how many more there are: "a, b and 3 more"."""
+    """Return a text with the first names, each once, and how many more there are: "a, b and 3 more"."""
     more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
     return ", ".join(dict.fromkeys(names[:_FEW])) + more
 
