@@ -116,20 +116,20 @@ class CVode:
         call["SUNContext_Create"](0, ctypes.byref(self._context))
         call["SUNContext_ClearErrHandlers"](self._context)  # exceptions have the reason
         self._vectors = [call["N_VNew_Serial"](count, self._context) for _ in range(2)]
-        self.states, self.absolute = (self._view(vector, count) for vector in self._vectors)
+        self.states, self.absolute = (self._view_values(vector, count) for vector in self._vectors)
         self._matrix = call["SUNDenseMatrix"](count, count, self._context)
         self._linear = call["SUNLinSol_Dense"](self._vectors[0], self._matrix, self._context)
         self._solver = call["CVodeCreate"](METHODS[method], self._context)
         self.states[:], self.absolute[:] = 0.0, 1.0
-        self._set("CVodeInit", self._derive, 0.0, self._vectors[0])
-        self._set("CVodeSVtolerances", 1e-5, self._vectors[1])
-        self._set("CVodeSetLinearSolver", self._linear, self._matrix)
+        self._call_solver("CVodeInit", self._derive, 0.0, self._vectors[0])
+        self._call_solver("CVodeSVtolerances", 1e-5, self._vectors[1])
+        self._call_solver("CVodeSetLinearSolver", self._linear, self._matrix)
         # no warnings of steps that are lost in the rounding of the time
-        self._set("CVodeSetMaxHnilWarns", -1)
+        self._call_solver("CVodeSetMaxHnilWarns", -1)
         if indicators:
-            self._set("CVodeRootInit", indicators, self._indicate)
+            self._call_solver("CVodeRootInit", indicators, self._indicate)
             # an indicator may stay at 0
-            self._set("CVodeSetNoInactiveRootWarn")
+            self._call_solver("CVodeSetNoInactiveRootWarn")
 
     def restart(self, time: float, relative: float, largest: float = 0.0) -> None:
         """Start from the present `states` at a time, without regard to what was before.
@@ -139,9 +139,9 @@ class CVode:
             relative: Relative tolerance.
             largest: Largest step in s; 0 for no limit.
         """
-        self._set("CVodeSVtolerances", relative, self._vectors[1])
-        self._set("CVodeSetMaxStep", largest)
-        self._set("CVodeReInit", time, self._vectors[0])
+        self._call_solver("CVodeSVtolerances", relative, self._vectors[1])
+        self._call_solver("CVodeSetMaxStep", largest)
+        self._call_solver("CVodeReInit", time, self._vectors[0])
 
     def step(self, until: float) -> tuple[float, bool]:
         """Do one step, as long as the tolerances allow, and update `states`.
@@ -156,7 +156,7 @@ class CVode:
             SolverError: No step is possible.
         """
         self._failure = None
-        self._set("CVodeSetStopTime", until)
+        self._call_solver("CVodeSetStopTime", until)
         flag = self._call["CVode"](
             self._solver, until, self._vectors[0], ctypes.addressof(self._reached), _ONE_STEP
         )
@@ -178,12 +178,14 @@ class CVode:
             call["SUNContext_Free"](ctypes.byref(self._context))
             self._solver = None
 
-    def _set(self, name: str, *arguments: Any) -> None:
+    def _call_solver(self, name: str, *arguments: Any) -> None:
+        """Call a function with the solver. Raise SolverError or MemoryError if it fails."""
         flag = self._call[name](self._solver, *arguments)
         if flag:
             raise MemoryError if flag == _MEMORY_ERROR else SolverError(f"{name} returned {flag}")
 
-    def _view(self, vector: int, count: int) -> Vector:
+    def _view_values(self, vector: int, count: int) -> Vector:
+        """Return an array that shares the memory of a vector of CVode."""
         address = self._call["N_VGetArrayPointer"](vector)
         return np.ctypeslib.as_array((_REAL * count).from_address(address))
 

@@ -94,7 +94,9 @@ def split_arrays(
     """
     resized = _resize(description, structure or {})
     elements = {
-        id(v): [_keep_whole(v)] if v.type in keep and not v.shape else list(_split(v, id(v) in resized))
+        id(v): [_make_whole_element(v)]
+        if v.type in keep and not v.shape
+        else list(_split(v, id(v) in resized))
         for v in description.modelVariables
     }
     description.modelVariables = [e for v in description.modelVariables for e in elements[id(v)]]
@@ -170,7 +172,7 @@ def _split(variable: ModelVariable, is_resized: bool) -> Iterator[ElementVariabl
         )
 
 
-def _keep_whole(variable: ModelVariable) -> ElementVariable:
+def _make_whole_element(variable: ModelVariable) -> ElementVariable:
     """Return a Clock or Binary variable, not a number, as a discrete variable without a start value."""
     fields = {a.alias: getattr(variable, a.name) for a in attrs.fields(ModelVariable)}
     return ElementVariable(
@@ -252,7 +254,7 @@ def number_range(variable: ModelVariable) -> tuple[float, float]:
 
 
 def declared_range(variable: ModelVariable) -> tuple[float, float]:
-    """Return the minimum and the maximum of a number: its own, or else those of its declared type."""
+    """Return the minimum and the maximum of a number: its own, those of its declared type, or of its type."""
     smallest, largest = number_range(variable)
     limits = (variable.min, variable.max)
     of_type = (getattr(variable.declaredType, name, None) for name in ("min", "max"))

@@ -113,7 +113,7 @@ def unpack(path: Path, folder: Path) -> None:
     with zipfile.ZipFile(path) as archive:
         entries = archive.infolist()
         for entry in entries:
-            _check_name(entry)
+            _check_entry(entry)
         if (total := sum(entry.file_size for entry in entries)) > LARGEST:
             raise UnsafeArchiveError(
                 f"would unpack to {total / 2**30:.1f} GiB; the limit is {LARGEST // 2**30} GiB"
@@ -135,7 +135,8 @@ def unpack(path: Path, folder: Path) -> None:
                 _copy(source, stream, entry)
 
 
-def _check_name(entry: zipfile.ZipInfo) -> None:
+def _check_entry(entry: zipfile.ZipInfo) -> None:
+    """Raise UnsafeArchiveError for a path that leads out of the folder, and for a link."""
     name = entry.filename
     # a colon separates the drive in Windows
     outside = name.startswith("/") or ":" in name or ".." in PurePosixPath(name).parts

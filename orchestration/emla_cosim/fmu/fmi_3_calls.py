@@ -15,7 +15,10 @@ DISCARD, ERROR = 2, 3
 
 
 def judge_step(status: int, needs_event: bool, terminates: bool, is_early: bool) -> int:
-    """Return the status of a step: DISCARD if the FMU wants the end, ERROR if the step is not whole.
+    """Return the status of a step with what else it says.
+
+    A status other than OK and warning stays. Otherwise it is DISCARD if the FMU wants the run to end, and
+    ERROR if the FMU needs event mode or returned early.
 
     Compiled code uses it, too.
     """
@@ -56,7 +59,7 @@ class StepEnd:
 
     @property
     def complaint(self) -> str:
-        """Return what an instance without event mode and early return must not do, and did."""
+        """What an instance without event mode and early return did although it must not; empty if nothing."""
         if self._flags[2]:
             return f"fmi3DoStep returned early at t = {self._time[0]:.9g} s, which was not allowed."
         return "fmi3DoStep asked for event mode, which is not used." if self._flags[0] else ""

@@ -66,7 +66,10 @@ class ContinuousModel(ABC):
 
     @abstractmethod
     def _update(self, call: str) -> tuple[bool, bool, bool, bool, bool, float]:
-        """Update the discrete states, and return what the FMU says; `call` names this for messages."""
+        """Update the discrete states. Return the six answers of the FMI function; the last is the next time.
+
+        `call` names this for messages.
+        """
 
     @abstractmethod
     def _answer_error(self, call: str, answer: str) -> Exception:
@@ -127,7 +130,10 @@ class ContinuousModel(ABC):
             self._call("getContinuousStates", result, self.state_count)
 
     def read_nominals(self) -> Vector:
-        """Return the nominal values of the states; 1 for those that are not finite and positive."""
+        """Return the magnitudes of the states' nominal values, 1 for those that are not finite or 0.
+
+        They count as known from now on; see `has_new_nominals`.
+        """
         nominals = np.ones(self.state_count)
         if self.state_count:
             self._call("getNominalsOfContinuousStates", nominals.ctypes.data, self.state_count)
@@ -193,8 +199,10 @@ class Integrator(ABC, Generic[Model]):
 
     def _begin(self, time: float) -> None:
         """Forget everything about earlier runs; `time` in s."""
-        self._states, self._count = _compute_offsets([m.state_count for m in self.members])
-        self._marks, self._indicators = _compute_offsets([m.indicator_count for m in self.members])
+        self._state_offsets, self._count = _compute_offsets([m.state_count for m in self.members])
+        self._indicator_offsets, self._indicators = _compute_offsets(
+            [m.indicator_count for m in self.members]
+        )
         self._time, self._next_event = time, math.inf
         self._is_discontinuous, self._is_interrupted = True, False
         self._tolerance = min(m.settings.tolerance for m in self.members)
@@ -205,7 +213,7 @@ class Integrator(ABC, Generic[Model]):
     def read_states(self) -> Vector:
         """Return the present states of the FMUs."""
         states = np.empty(self._count)
-        for member, offset in zip(self.members, self._states, strict=True):
+        for member, offset in zip(self.members, self._state_offsets, strict=True):
             member.read_states(states.ctypes.data + offset)
         return states
 
@@ -213,7 +221,7 @@ class Integrator(ABC, Generic[Model]):
         """Pass all values between the FMUs, which are in event mode; return those that got other inputs."""
         return ()
 
-    def _follow(self, time: float) -> None:
+    def _set_following_inputs(self, time: float) -> None:
         """Set the inputs that follow the time in s and the states, which were set."""
 
     def _advance(self, end: float) -> None:
@@ -307,9 +315,9 @@ class Integrator(ABC, Generic[Model]):
 
     def _set_states(self, time: float, states: int) -> None:
         """Set the time in s, the states from an address, and the inputs that follow."""
-        for member, offset in zip(self.members, self._states, strict=True):
+        for member, offset in zip(self.members, self._state_offsets, strict=True):
             member.set_time_and_states(time, states + offset)
-        self._follow(time)
+        self._set_following_inputs(time)
 
     def _derive(self, time: float, states: int, result: int) -> int:
         """Compute the derivatives of the states for CVode."""
@@ -318,7 +326,7 @@ class Integrator(ABC, Generic[Model]):
             return 0
         try:
             self._set_states(time, states)
-            for member, offset in zip(self.members, self._states, strict=True):
+            for member, offset in zip(self.members, self._state_offsets, strict=True):
                 member.derive(result + offset)
         except DiscardedCall as error:
             self.refusal = error
@@ -329,7 +337,7 @@ class Integrator(ABC, Generic[Model]):
         """Compute the event indicators for CVode."""
         try:
             self._set_states(time, states)
-            for member, offset in zip(self.members, self._marks, strict=True):
+            for member, offset in zip(self.members, self._indicator_offsets, strict=True):
                 member.indicate(result + offset)
         except DiscardedCall as error:
             self.refusal = error

@@ -220,7 +220,9 @@ def read_interface(path: Path, structure: Mapping[str, int] | None = None) -> In
         raise CommandError(f"'{path}' {reason}.")
     for unit in interface.description.unitDefinitions:
         if unit.baseUnit is not None and not (math.isfinite(f := float(unit.baseUnit.factor)) and f != 0.0):
-            raise CommandError(f"'{path}' has the unit '{unit.name}' with the factor {f:g}.")
+            raise CommandError(
+                f"'{path}' has the unit '{unit.name}' with the factor {f:g}; it must be finite and not 0."
+            )
     if faults := list(_find_range_faults(interface)):
         note_fault(str(path), *faults)
     return interface
@@ -406,7 +408,10 @@ def _read_faulty(path: Path, error: ValidationError, structure: Mapping[str, int
 
 
 def _find_problems(description: ModelDescription) -> list[str]:
-    """Return what violates the standard in a description that was read without checks."""
+    """Return what violates the standard in a description that was read without checks.
+
+    Display units of undefined units are removed from it.
+    """
     defined = {u.name for u in description.unitDefinitions}
     for variable in description.modelVariables:
         declared = variable.declaredType
@@ -416,7 +421,10 @@ def _find_problems(description: ModelDescription) -> list[str]:
 
 
 def _correct_booleans(description: ModelDescription) -> None:
-    """Write start values of Booleans as the standard does: `true` for `True`; an empty one is none."""
+    """Write start values of Booleans as the standard does: `true` for `True`; an empty one is none.
+
+    Raise ValueError for any other text.
+    """
     for variable in description.modelVariables:
         if variable.type == "Boolean" and variable.start is not None:
             words = str(variable.start).lower().split()
@@ -539,4 +547,5 @@ def _read_binary_attributes(description: ModelDescription, path: Path) -> None:
 
 
 def _join_lines(problem: str) -> str:
+    """Return a message in one line, without its full stop."""
     return " ".join(problem.split()).rstrip(".")

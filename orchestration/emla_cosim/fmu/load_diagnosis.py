@@ -157,7 +157,7 @@ def diagnose_library(library: Path, error: BaseException) -> LoadFailure:
         error: What ctypes or fmpy raised.
     """
     text = _shorten_message(library, error)
-    binary = _parse(library)
+    binary = _parse_library(library)
     # the most specific cause comes first: a library for another system lacks symbols, too
     rules = (
         _diagnose_target(binary),
@@ -209,7 +209,8 @@ def _shorten_message(library: Path, error: BaseException) -> str:
     return shorten_line(text.strip().rstrip("."), _LONGEST)
 
 
-def _parse(library: Path) -> Any:
+def _parse_library(library: Path) -> Any:
+    """Return what LIEF reads of a library; None if it is not one."""
     import lief  # slow to load, and only failures need it
 
     lief.logging.disable()
@@ -279,7 +280,7 @@ def _diagnose_missing(library: Path, binary: Any, text: str) -> LoadFailure | No
     if not reported and sys.platform != "win32":  # Windows does not name it
         return None
     unreported = [
-        name for name in _list_needed(binary) if name not in reported and _is_missing(library, name)
+        name for name in _list_needed_libraries(binary) if name not in reported and _is_missing(library, name)
     ]
     if not (missing := [*reported, *unreported]):
         return None
@@ -298,7 +299,7 @@ def _diagnose_missing(library: Path, binary: Any, text: str) -> LoadFailure | No
     return LoadFailure(fact, " ".join(remedies))
 
 
-def _list_needed(binary: Any) -> list[str]:
+def _list_needed_libraries(binary: Any) -> list[str]:
     return [str(getattr(x, "name", x)).rpartition("/")[2] for x in getattr(binary, "libraries", ())]
 
 

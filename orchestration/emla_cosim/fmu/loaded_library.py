@@ -53,7 +53,7 @@ _DERIVATIVE_TYPES = (_POINTER, _POINTER, _SIZE, _POINTER, _SIZE, _POINTER, _POIN
 class LoadedLibrary:
     """The library of an FMU for all its instances in this process.
 
-    Each call of `entered` needs one call of `leave`. `functions` are the functions of a step, by name. They
+    Each call of `acquire` needs one call of `release`. `functions` are the functions of a step, by name. They
     have their own prototypes because fmpy's checks take as long as the call. `addresses` are the addresses of
     the functions.
     """
@@ -84,8 +84,8 @@ class LoadedLibrary:
         self._instance_count = 0
 
     @classmethod
-    def entered(cls, file: FmuFile) -> "LoadedLibrary":
-        """Return the library of an unpacked FMU, and load it for the first instance.
+    def acquire(cls, file: FmuFile) -> "LoadedLibrary":
+        """Return the library of an unpacked FMU for one more instance; the first one loads it.
 
         Raises:
             CommandError: If the library cannot be loaded, or the FMU does not allow another instance.
@@ -114,7 +114,7 @@ class LoadedLibrary:
         calls.instance, calls.instanceName = instance, instance.name
         return calls
 
-    def leave(self) -> None:
+    def release(self) -> None:
         """Release the library for one instance; the last release unloads it."""
         self._instance_count -= 1
         if not self._instance_count:

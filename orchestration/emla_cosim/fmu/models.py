@@ -138,7 +138,7 @@ def build(
         check_disclosure(model, flavour, folder, disclosure or Disclosure(), fmi, clock)
     name = model_name(model)
     try:
-        return _build(
+        return _find_or_build(
             _make_recipe(model, flavour, disclosure, fmi, clock), platforms, folder, advance, overwrite
         )
     except BuildError as error:
@@ -207,13 +207,14 @@ def _is_ours(path: Path) -> bool:
     return read_built(path).key is not None
 
 
-def _build(
+def _find_or_build(
     recipe: Recipe,
     platforms: Sequence[str],
     folder: Path | None,
     advance: Callable[[], None],
     overwrite: bool,
 ) -> Path:
+    """Return the path of an FMU, which is built only if neither its file nor a prebuilt one is up to date."""
     key, draft = recipe.key(), None
     if key is None:  # the key follows from the content
         from fmublock.building import draft_of
@@ -221,10 +222,10 @@ def _build(
         draft = draft_of(recipe)
         key = draft.key
     path = _choose_path(recipe, key, folder)
-    if _is_current(read_built(path), recipe, key, platforms):
+    if _is_up_to_date(read_built(path), recipe, key, platforms):
         return path
     prebuilt = find_prebuilt(*_cache_parts(recipe, key))
-    if prebuilt is not None and not _is_current(read_built(prebuilt), recipe, key, platforms):
+    if prebuilt is not None and not _is_up_to_date(read_built(prebuilt), recipe, key, platforms):
         prebuilt = None
     in_cache = folder is None and path.is_absolute()
     if prebuilt is not None and in_cache:
@@ -232,7 +233,7 @@ def _build(
     # without a lock up to here: most calls find the FMU
     with _lock_build(path):
         built = read_built(path)  # another process may have built it meanwhile
-        if not _is_current(built, recipe, key, platforms):
+        if not _is_up_to_date(built, recipe, key, platforms):
             file = None if in_cache else OutputFile(path, "the FMU", _is_ours, overwrite, creates_folder=True)
             check = accept if file is None else file.check_again
             if prebuilt is not None:
@@ -247,12 +248,14 @@ def _build(
     return path
 
 
-def _is_current(built: BuiltFmu, recipe: Recipe, key: str, platforms: Sequence[str]) -> bool:
+def _is_up_to_date(built: BuiltFmu, recipe: Recipe, key: str, platforms: Sequence[str]) -> bool:
+    """Return whether an existing FMU has this content, and binaries for these platforms."""
     needed = platforms or (host_platform(),)
     return built.key == key and (recipe.flavour != "native" or built.platforms.issuperset(needed))
 
 
 def _choose_path(recipe: Recipe, key: str, folder: Path | None) -> Path:
+    """Return the path of the FMU; without a folder, that in `FMU_FOLDER` if it exists, or in the cache."""
     if folder is not None:
         return fmu_path(recipe.model, recipe.flavour, folder)
     local_path = fmu_path(recipe.model, recipe.flavour, FMU_FOLDER)

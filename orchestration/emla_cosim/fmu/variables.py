@@ -149,6 +149,7 @@ def format_value(variable: ModelVariable, value: Any) -> Any:
 
 
 def _convert_enumeration(name: str, variable: ModelVariable, value: Any) -> int:
+    """Return the number of an item from its name or number. Raise CommandError for any other value."""
     items = _list_items(variable)
     if str(value) in items:
         return items[str(value)]

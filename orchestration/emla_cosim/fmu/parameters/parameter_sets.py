@@ -146,7 +146,10 @@ def _read_sizes(element: XmlElement, name: str, count: int, where: str) -> tuple
 
 
 def _accept_second(second: SsvParameter, first: SsvParameter, where: str, line: int) -> None:
-    """Accept a second value of a parameter if it is the same, and with `lenient` another one."""
+    """Accept a second value of a parameter if it is the same, and with `lenient` another one.
+
+    Raise CommandError otherwise.
+    """
     if second == first:
         note_fault(where, f"line {line} repeats the value of '{first.name}'")
         return
@@ -172,7 +175,7 @@ def _read_texts(typed: XmlElement, name: str, location: str) -> list[str]:
 def _parse_value(name: str, kind: str, text: str, location: str) -> float | int | bool | str:
     if kind in _FLOATS:
         if not math.isfinite(value := float(text)):
-            raise CommandError(f"{location} gives '{name}' the value {text}.")
+            raise CommandError(f"{location} gives '{name}' the value {text}; it must be finite.")
         return value
     if kind == "Boolean":
         return parse_boolean(text)

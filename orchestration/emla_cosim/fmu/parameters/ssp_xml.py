@@ -169,7 +169,9 @@ def read_units(root: XmlElement, owner: str, where: str) -> dict[str, SiUnit]:
         exponents = tuple(int(base.get(b, "0")) for b in BASE_UNITS)
         factor, offset = read_finite(base, "factor", "1", where), read_finite(base, "offset", "0", where)
         if factor == 0.0:
-            raise CommandError(f"'{where}' line {base.sourceline} has a unit with the factor 0.")
+            raise CommandError(
+                f"'{where}' line {base.sourceline} has a unit with the factor 0; it must be another number."
+            )
         units[definition.get("name")] = SiUnit(definition.get("name"), exponents, factor, offset)
     return units
 
@@ -196,7 +198,9 @@ def read_finite(element: XmlElement, attribute: str, default: str, where: str) -
     """Return a finite number; raise CommandError for infinity and NaN, which the schema allows."""
     value = float(element.get(attribute, default))
     if not math.isfinite(value):
-        raise CommandError(f"'{where}' line {element.sourceline} has the {attribute} {value}.")
+        raise CommandError(
+            f"'{where}' line {element.sourceline} has the {attribute} {value}; it must be finite."
+        )
     return value
 
 
@@ -218,7 +222,7 @@ def document(
     """
     namespaces = {p: NAMESPACES[p] for p in ("ssd", "ssc", "ssv", "ssm")} | (more or {})
     root = _import_etree().Element(f"{{{NAMESPACES[kind]}}}{_KINDS[kind]}", nsmap=namespaces)
-    _set(root, {"version": version, **attributes})
+    _set_attributes(root, {"version": version, **attributes})
     return root
 
 
@@ -233,11 +237,12 @@ def add(parent: XmlElement, tag: str, /, **attributes: str | None) -> XmlElement
     prefix, local = tag.split(":")
     namespace = parent.nsmap[prefix]
     element = _import_etree().SubElement(parent, f"{{{namespace}}}{local}")
-    _set(element, attributes)
+    _set_attributes(element, attributes)
     return element
 
 
-def _set(element: XmlElement, attributes: dict[str, str | None]) -> None:
+def _set_attributes(element: XmlElement, attributes: dict[str, str | None]) -> None:
+    """Set attributes, without those that are None. Raise CommandError for a text that XML cannot hold."""
     for name, value in attributes.items():
         if value is None:
             continue

@@ -112,12 +112,12 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self._codes = {call: code_of(number, call) for call in CALLS}
         with self._report_failed_start():
             self.announce(_LOADING)
-            self._library = LoadedLibrary.entered(file)
+            self._library = LoadedLibrary.acquire(file)
             try:
                 self.fmu = self._library.calls_of(self)
                 self.fmu.instantiate(callbacks=log.callbacks, loggingOn=True)
             except BaseException:
-                self._library.leave()
+                self._library.release()
                 raise
         self.arrays: dict[int, NDArray[Any]] = {}
         """The memory of arrays that are set; see `TypedValues`."""
@@ -436,7 +436,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 self.fmu.terminate()
         with contextlib.suppress(Exception):
             self.free()
-            self._library.leave()
+            self._library.release()
 
     def entry_points(self) -> EntryPoints | None:
         """Return the addresses of the FMU's functions."""

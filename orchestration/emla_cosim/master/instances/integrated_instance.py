@@ -300,7 +300,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         self._is_discontinuous = self._is_interrupted = True
         # these are not the states of the solver, so that it must start anew
         self._set_states(self._time, states.ctypes.data)
-        for member, offset in zip(self.members, self._states, strict=True):
+        for member, offset in zip(self.members, self._state_offsets, strict=True):
             member.derive(derivatives.ctypes.data + offset)
         return derivatives
 
@@ -363,7 +363,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         self._finish_event()
         self._is_interrupted = True
 
-    def _follow(self, time: float) -> None:
+    def _set_following_inputs(self, time: float) -> None:
         """Set the inputs that follow their slopes, and connect the FMUs."""
         if self._slopes is not None:
             self._set_moving_inputs(self._evaluate_moving_inputs(time))
