@@ -26,18 +26,18 @@ def add_coordinates(system: SystemElement) -> SystemElement:
         if c.start_element is not None and c.end_element is not None
     ]
     kinds = {e.name: [c.kind for c in e.connectors] for e in system.elements}
-    most = {
+    connector_counts = {
         name: max(connector_kinds.count("input"), connector_kinds.count("output"))
         for name, connector_kinds in kinds.items()
     }
     names = {e.name: e.id or e.name for e in system.elements}
-    corners, row_edges = _place_elements(names, links, most)
+    corners, row_edges = _place_elements(names, links, connector_counts)
     elements = tuple(
         replace(e, extent=corners[e.name], connectors=_position_connectors(e.connectors))
         for e in system.elements
     )
     placed = replace(system, elements=elements, connectors=_position_connectors(system.connectors))
-    return replace(placed, connections=_route(placed, row_edges))
+    return replace(placed, connections=_add_waypoints(placed, row_edges))
 
 
 def _position_connectors(connectors: Sequence[Connector]) -> tuple[Connector, ...]:
@@ -84,17 +84,17 @@ def _place_elements(
     return corners, row_edges
 
 
-def _route(system: SystemElement, row_edges: Mapping[str, float]) -> tuple[SsdConnection, ...]:
+def _add_waypoints(system: SystemElement, row_edges: Mapping[str, float]) -> tuple[SsdConnection, ...]:
     """Return the connections of a placed system with the waypoints of their lines."""
     ends = {
-        (e.name, c.name): _locate(e.extent, c.position)
+        (e.name, c.name): _compute_point(e.extent, c.position)
         for e in system.elements
         for c in e.connectors
         if e.extent is not None and c.position is not None
     }
     lanes: dict[object, int] = {}  # lines that run side by side must not cover each other
 
-    def lane(lane_group: object) -> float:
+    def take_next_lane(lane_group: object) -> float:
         lanes[lane_group] = lanes.get(lane_group, 0) + 1
         return _PITCH * lanes[lane_group]
 
@@ -106,26 +106,28 @@ def _route(system: SystemElement, row_edges: Mapping[str, float]) -> tuple[SsdCo
             routed.append(connection)
             continue
         floor = row_edges[connection.start_element or ""]
-        out = start[0] + lane(("right of", floor, start[0]))
+        out = start[0] + take_next_lane(("right of", floor, start[0]))
         gap = end[0] - start[0]
         columns = (e.extent for e in system.elements if e.extent is not None)
         is_free = not any(start[0] < x1 and x2 < end[0] for x1, _, x2, _ in columns)
         if 0.0 < gap and is_free:
             points = ((out, start[1]), (out, end[1]))
         else:
-            y = floor - lane(("below", floor))
-            into = end[0] - lane(("left of", floor, end[0]))
+            y = floor - take_next_lane(("below", floor))
+            into = end[0] - take_next_lane(("left of", floor, end[0]))
             points = ((out, start[1]), (out, y), (into, y), (into, end[1]))
         routed.append(replace(connection, waypoints=points))
     return tuple(routed)
 
 
-def _locate(extent: Corners, position: tuple[float, float]) -> tuple[float, float]:
+def _compute_point(extent: Corners, position: tuple[float, float]) -> tuple[float, float]:
+    """Return the point x, y in mm of a position that is relative to the corners of an element."""
     x1, y1, x2, y2 = extent
     return round(x1 + position[0] * (x2 - x1), 3), round(y1 + position[1] * (y2 - y1), 3)
 
 
 def _rank_in_flow(name: str) -> int:
+    """Return the position of a component in `_FLOW` by the end of its name; others come last."""
     role = name.rpartition(".")[2]
     return _FLOW.index(role) if role in _FLOW else len(_FLOW)
 
@@ -241,7 +243,7 @@ def group_connections(components: Iterable[str], connections: Sequence[str]) -> 
     ends = []
     for text in connections:
         source, _, target = text.partition(" -> ")
-        a, b = _split(source, longest_first), _split(target.partition(" ")[0], longest_first)
+        a, b = _split_path(source, longest_first), _split_path(target.partition(" ")[0], longest_first)
         if a is not None and b is not None:
             ends.append(((a[0], b[0]), (a[1], b[1])))
     return _group_by_ends(ends)
@@ -255,8 +257,11 @@ def _group_by_ends(links: Iterable[tuple[tuple[str, str], tuple[str, str]]]) -> 
     return [ComponentLink(*ends, tuple(grouped)) for ends, grouped in signals.items()]
 
 
-def _split(path: str, components: Sequence[str]) -> tuple[str, str] | None:
-    """Split a path into component and variable. `components` are sorted by length, longest first."""
+def _split_path(path: str, components: Sequence[str]) -> tuple[str, str] | None:
+    """Split a path into component and variable; None if it begins with no component.
+
+    `components` are sorted by length, longest first.
+    """
     name = next((c for c in components if path.startswith(f"{c}.")), None)
     return None if name is None else (name, path.removeprefix(f"{name}."))
 
@@ -264,8 +269,8 @@ def _split(path: str, components: Sequence[str]) -> tuple[str, str] | None:
 def build_diagrams(components: Mapping[str, str], wires: Sequence[ComponentLink]) -> list[Diagram]:
     """Return the diagram of a system; for a large one, a diagram of its parts and one of each part.
 
-    `components` has descriptions by name. A part is the name before the first dot. Without diagrams, even the
-    parts are too many to show.
+    `components` has descriptions by name. A part is the name before the first dot. The list is empty if even
+    the parts are too many to show.
     """
     parts: dict[str, dict[str, str]] = {}
     for name, tooltip in components.items():
@@ -285,7 +290,7 @@ def build_diagrams(components: Mapping[str, str], wires: Sequence[ComponentLink]
 
 
 def _link_parts(wires: Iterable[ComponentLink]) -> list[ComponentLink]:
-    """Return the connections between parts."""
+    """Return the connections between different parts, grouped by these parts."""
     ends = [((w.source.partition(".")[0], w.target.partition(".")[0]), w.signals) for w in wires]
     return _group_by_ends((parts, x) for parts, signals in ends if parts[0] != parts[1] for x in signals)
 

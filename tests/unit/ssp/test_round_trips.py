@@ -93,7 +93,7 @@ def test_unknown_names_in_our_annotation_are_reported(
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        (' flow="lift.plant.v_L"', "", "the Bond has no 'flow'"),
+        (' flow="lift.plant.v_L"', "", "the element Bond has no flow"),
         ('name="other"', 'name="axis"', "two power bonds have the name 'axis'"),
     ],
 )

@@ -84,7 +84,7 @@ def _list_annotations(
     for element in root.iterfind(f"ssd:DefaultExperiment//emla:{tag}", NAMESPACES | OWN_NAMESPACE):
         for name in attributes:
             if not element.get(name):
-                raise CommandError(f"'{where}' line {element.sourceline}: the {tag} has no '{name}'.")
+                raise CommandError(f"'{where}' line {element.sourceline}: the element {tag} has no {name}.")
         yield dict(element.attrib)
 
 
@@ -93,7 +93,7 @@ def _parse_time(text: str | None) -> float | None:
 
 
 def _read_step_size(root: XmlElement, where: str) -> float | None:
-    """Return the step size in the annotations of OMSimulator or libcosim, in s."""
+    """Return the step size in the annotations of OMSimulator or libcosim, in s; None without one."""
     for element, attribute in (
         ("oms:FixedStepMaster", "stepSize"),
         ("osp:FixedStepAlgorithm", "baseStepSize"),
@@ -117,11 +117,11 @@ class _Reader:
     def __init__(self, where: str, units: dict[str, SiUnit]) -> None:
         self._where, self._units = where, units
 
-    def _locate(self, element: XmlElement) -> str:
+    def _format_location(self, element: XmlElement) -> str:
         return f"'{self._where}' line {element.sourceline}"
 
     def _make_fault(self, element: XmlElement, text: str) -> CommandError:
-        return CommandError(f"{self._locate(element)}: {text}.")
+        return CommandError(f"{self._format_location(element)}: {text}.")
 
     def system(self, element: XmlElement) -> SystemElement:
         """Read a System element."""
@@ -189,7 +189,7 @@ class _Reader:
             dimensions=tuple(
                 self._read_dimension(d, element.get("name")) for d in children(element, "ssc:Dimension")
             ),
-            location=self._locate(element),
+            location=self._format_location(element),
         )
 
     def _read_dimension(self, element: XmlElement, owner: str) -> Dimension:
@@ -228,7 +228,7 @@ class _Reader:
             waypoints=tuple(zip(x, y, strict=False)),
             start_indices=self._read_indices(element, "startIndices"),
             end_indices=self._read_indices(element, "endIndices"),
-            location=self._locate(element),
+            location=self._format_location(element),
         )
 
     def _read_indices(self, connection: XmlElement, attribute: str) -> tuple[int, ...]:

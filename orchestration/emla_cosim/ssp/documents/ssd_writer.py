@@ -82,7 +82,7 @@ def _list_units(element: Element) -> Iterator[SiUnit | None]:
             yield from _list_units(inside)
 
 
-def _add_steps(system: XmlElement, step_size: float, is_continuous: bool) -> None:
+def _add_stepping_settings(system: XmlElement, step_size: float, is_continuous: bool) -> None:
     """Add the settings of OMSimulator, which it requires of each system.
 
     It integrates Model Exchange only in systems with a solver. There, a step has at most the largest length.
@@ -130,7 +130,7 @@ def _add_system(
     if system.connections:
         _add_connections(add(element, "ssd:Connections"), system.connections)
     if step_size is not None:
-        _add_steps(element, step_size, is_continuous)
+        _add_stepping_settings(element, step_size, is_continuous)
 
 
 def _add_common(parent: XmlElement, tag: str, element: Element, /, **attributes: str | None) -> XmlElement:
@@ -166,23 +166,24 @@ def _add_binding(group: XmlElement, binding: ParameterBinding) -> None:
         group, "ssd:ParameterBinding", **_format_source(binding.values), prefix=binding.prefix or None
     )
     if not isinstance(binding.values, FileReference):
-        inside = add(add(added, "ssd:ParameterValues"), "ssv:ParameterSet", version=_choose_version(group))
+        inside = add(add(added, "ssd:ParameterValues"), "ssv:ParameterSet", version=_read_version(group))
         inside.set("name", binding.values.name)
         add_parameter_set(inside, binding.values)
     if binding.mapping is not None:
         mapping = add(added, "ssd:ParameterMapping", **_format_source(binding.mapping))
         if not isinstance(binding.mapping, FileReference):
-            add_mapping(add(mapping, "ssm:ParameterMapping", version=_choose_version(group)), binding.mapping)
+            add_mapping(add(mapping, "ssm:ParameterMapping", version=_read_version(group)), binding.mapping)
     if binding.renames:
         _add_annotation(added, RENAMES)
 
 
-def _choose_version(element: XmlElement) -> str:
+def _read_version(element: XmlElement) -> str:
     """Return the version of the document with an element."""
     return element.getroottree().getroot().get("version")
 
 
 def _format_source(content: object) -> dict[str, str | None]:
+    """Return the attributes that name a file; none for content inside of the element."""
     if not isinstance(content, FileReference):
         return {}
     return {"source": content.source, "sourceBase": content.base if content.base != "SSD" else None}

@@ -50,7 +50,7 @@ class BoundValue:
 def resolve_bindings(
     root: SystemElement, wiring: Wiring, has_sizes: bool = True
 ) -> tuple[dict[Path_, dict[str, BoundValue]], list[str]]:
-    """Return the start values of each FMU by path and variable, and notes about unused parameters.
+    """Return the start values of each FMU by path and variable, and notes about values without effect.
 
     A variable that is connected to an output gets no value. Of several values, the one from the highest
     system applies. Among values of one system it is the one at the source of the connections: a variable
@@ -65,7 +65,7 @@ def resolve_bindings(
         CommandError: If units or shapes do not match.
     """
     collected = _CollectedBindings(wiring, has_sizes)
-    collected.element(root, ())
+    collected.add_element(root, ())
     values: dict[Path_, dict[str, BoundValue]] = {path: {} for path in wiring.fmus}
     overridden: list[str] = []
     for path, fmu in wiring.fmus.items():
@@ -105,11 +105,11 @@ class _CollectedBindings:
         self._inside: dict[Path_, dict[str, tuple[int, Element]]] = {}
         self._names: dict[Any, tuple[Collection[str], set[str]]] = {}
 
-    def element(self, element: Element, path: Path_) -> None:
+    def add_element(self, element: Element, path: Path_) -> None:
         """Add the bindings of an element and its content; outer bindings override inner ones."""
         if isinstance(element, SystemElement):
             for inside in element.elements:
-                self.element(inside, (*path, inside.name))
+                self.add_element(inside, (*path, inside.name))
         # last, to replace values from inside
         for binding in element.bindings:
             self._add_binding(binding, element, path)
@@ -173,8 +173,8 @@ class _CollectedBindings:
             if inside not in names and inside not in arrays:
                 continue
             is_array = parameter.array is not None or (fmu and is_version_3(fmu.interface.description))
-            if is_array and (differ := explain_shape(parameter, inside, names, target)) is not None:
-                raise self._wiring.fault(differ, parameter.location)
+            if is_array and (difference := explain_shape(parameter, inside, names, target)) is not None:
+                raise self._wiring.fault(difference, parameter.location)
             return
 
     def _list_owners(self, element: Element, path: Path_, name: str) -> Iterator[Node]:
@@ -236,15 +236,15 @@ def _index_targets(mapping: object) -> Callable[[str], Sequence[tuple[str, Mappi
     return lambda name: targets.get(name, [])
 
 
-def _compute_value(wiring: Wiring, values_by_node: _BindingValue, node: Node, variable: Node) -> Value:
+def _compute_value(wiring: Wiring, bound: _BindingValue, node: Node, variable: Node) -> Value:
     """Return the value of a variable from a value of the variable or of a connector in its chain."""
-    value = values_by_node.parameter.value
-    table = values_by_node.entry.transformation if values_by_node.entry is not None else None
+    value = bound.parameter.value
+    table = bound.entry.transformation if bound.entry is not None else None
     if isinstance(table, TableTransformation):
         return next((t for s, t in table.entries if s == value and type(s) is type(value)), value)
     if isinstance(value, (bool, str)):
         return value
-    total = build_transformation(wiring, values_by_node.parameter, values_by_node.entry, node, variable)
+    total = build_transformation(wiring, bound.parameter, bound.entry, node, variable)
     return value if total == IDENTITY else total(value)
 
 
@@ -274,4 +274,4 @@ def build_transformation(
             ) from error
     if entry is not None and isinstance(entry.transformation, LinearTransformation):
         total = entry.transformation.after(total)
-    return wiring.arriving(variable, node, unit).after(total)
+    return wiring.find_transformation(variable, node, unit).after(total)

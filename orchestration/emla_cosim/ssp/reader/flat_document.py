@@ -76,6 +76,8 @@ def read_ssp(path: Path) -> Iterator[SspDocument]:
 
 
 def _make_document(structure: Structure, package: Package) -> SspDocument:
+    """Return the flat system of a loaded structure, with notes on content that has no effect."""
+
     @cache  # many components can have one FMU
     def read(source: str, structure: tuple[tuple[str, int], ...]) -> Interface:
         return read_interface(Path(source), dict(structure))
@@ -84,7 +86,7 @@ def _make_document(structure: Structure, package: Package) -> SspDocument:
         return read(component.source, component.structure)
 
     # sizes first: connectors of arrays become one for each element
-    root = _find_structures(structure.system, package.name, interface)
+    root = _set_structures(structure.system, package.name, interface)
     root = expand_vectors(root, interface)
     wired = collect_wiring(root, package.name, interface)
     values, without_effect = resolve_bindings(root, wired)
@@ -117,7 +119,7 @@ def _make_document(structure: Structure, package: Package) -> SspDocument:
     )
 
 
-def _find_structures(
+def _set_structures(
     root: SystemElement, where: str, interface: Callable[[ComponentElement], Interface]
 ) -> SystemElement:
     """Return a system whose components have the values that bindings give structural parameters by name.
@@ -136,7 +138,7 @@ def _find_structures(
     if not any(f.interface.is_structural(n) for f in fmus.values() for n in f.interface.variables):
         return root
     values, _ = resolve_bindings(root, Wiring(where, fmus), has_sizes=False)
-    return _with_structures(
+    return _replace_structures(
         root, (), {path: _read_structure(fmu, values[path]) for path, fmu in fmus.items()}
     )
 
@@ -157,18 +159,18 @@ def _list_components(element: Element, path: Path_) -> Iterator[tuple[Path_, Com
             yield from _list_components(inside, (*path, inside.name))
 
 
-def _with_structures(
+def _replace_structures(
     system: SystemElement, path: Path_, structures: Mapping[Path_, Mapping[str, int]]
 ) -> SystemElement:
-    def changed(element: Element) -> Element:
+    def update(element: Element) -> Element:
         element_path = (*path, element.name)
         if isinstance(element, SystemElement):
-            return _with_structures(element, element_path, structures)
+            return _replace_structures(element, element_path, structures)
         if isinstance(element, ComponentElement):
             return replace(element, structure=tuple(structures[element_path].items()))
         return element
 
-    return replace(system, elements=tuple(changed(element) for element in system.elements))
+    return replace(system, elements=tuple(update(element) for element in system.elements))
 
 
 def _describe_unknown_names(structure: Structure, system: System, fmus: Iterable[Fmu]) -> Iterator[str]:
@@ -238,7 +240,7 @@ def _find_aliases(wired: Wiring, fmu: Fmu, values: dict[str, BoundValue]) -> dic
         is_hidden = source != target and source in variables  # the name is that of another variable
         if not is_unique or is_hidden:
             continue
-        bound, parameter = values.get(target), _find_source(binding, source)
+        bound, parameter = values.get(target), _find_parameter(binding, source)
         if bound is not None and bound.entry is not None:
             entry, parameter = bound.entry, bound.parameter
         if isinstance(entry.transformation, TableTransformation):
@@ -257,8 +259,8 @@ def _find_aliases(wired: Wiring, fmu: Fmu, values: dict[str, BoundValue]) -> dic
     return aliases
 
 
-def _find_source(binding: ParameterBinding, name: str) -> SsvParameter:
-    """Return the parameter of a binding by its name in the mapping, or a parameter without a unit."""
+def _find_parameter(binding: ParameterBinding, name: str) -> SsvParameter:
+    """Return the parameter of a binding by its name in the mapping, or one that is 0 and has no unit."""
     values = binding.values
     parameters = values.parameters if isinstance(values, ParameterSet) else ()
     matches = (p for p in parameters if f"{binding.prefix}{p.name}" == name)
@@ -270,7 +272,7 @@ def _make_connection(wired: Wiring, target: Node, names: dict[Path_, str]) -> Co
     *_, source = wired.chain(target)
     if source[0] not in wired.fmus:
         return None
-    transformation = wired.arriving(target, source)
+    transformation = wired.find_transformation(target, source)
     with contextlib.suppress(ValueError):  # the units cannot be converted
         if transformation == find_conversion(wired.fmu_unit(source), wired.fmu_unit(target)):
             transformation = None  # a run converts units itself

@@ -135,6 +135,7 @@ def _list_declared_sizes(connector: Connector, interface: Interface) -> Iterator
 
 
 def _check_size_connectors(connector: Connector, names: set[str], element: Element) -> None:
+    """Raise CommandError if a dimension has the size of a connector that does not exist."""
     for dimension in connector.dimensions:
         if dimension.connector is not None and dimension.connector not in names:
             raise _make_fault(
@@ -173,6 +174,7 @@ def expand_vectors(
 def _expand(
     system: SystemElement, interface: Callable[[ComponentElement], Interface]
 ) -> tuple[SystemElement, Shapes]:
+    """Return the system as `expand_vectors` does, and the shapes of its own array connectors."""
     elements: list[Element] = []
     shapes: dict[str | None, Shapes] = {}
     for element in system.elements:
@@ -223,6 +225,7 @@ def _find_shape(
 
 
 def _expand_connectors(element: Element, shapes: Shapes) -> Iterator[Connector]:
+    """Yield a connector for each element of an array, unless it is declared itself; others unchanged."""
     declared = {c.name for c in element.connectors}
     for connector in element.connectors:
         if connector.name not in shapes:
@@ -254,12 +257,12 @@ def _expand_connection(
     if any(are_whole) and (are_whole[0] != are_whole[1] or selected[0] != selected[1]):
         sizes = " and ".join(format_count(len(c), "element") for c in selected)
         if are_whole[0] != are_whole[1]:
-            differ = (
+            difference = (
                 ", an array with a single value; select an element by startIndices or endIndices (SSP 2.0)"
             )
         else:
-            differ = "" if len(selected[0]) != len(selected[1]) else " with other indices"
-        raise CommandError(f"{label} joins {sizes}{differ}.")
+            difference = "" if len(selected[0]) != len(selected[1]) else " with other indices"
+        raise CommandError(f"{label} joins {sizes}{difference}.")
     for start, end in zip(*selected, strict=True):
         yield replace(
             connection,

@@ -102,7 +102,7 @@ def open_package(path: Path, variant: str = "") -> Iterator[Package]:
     file, variant = (path, variant) if variant else _split_variant(path)
     name = f"{file}#{variant}" if variant else str(file)
     if file.is_dir():
-        yield _find_ssd(file, variant, name)
+        yield _make_package(file, variant, name)
     elif not file.is_file():
         raise CommandError(f"there is no file '{file}'.")
     elif file.suffix.lower() == ".ssd":
@@ -118,17 +118,19 @@ def open_package(path: Path, variant: str = "") -> Iterator[Package]:
                 raise CommandError(f"'{file}' cannot be unpacked: {error.strerror or error}.") from error
             except Exception as error:  # zipfile raises many types
                 raise CommandError(f"'{file}' is not an SSP that can be read: {error}.") from error
-            yield replace(_find_ssd(folder, variant, name), unpacked=temporary)
+            yield replace(_make_package(folder, variant, name), unpacked=temporary)
 
 
 def _split_variant(path: Path) -> tuple[Path, str]:
+    """Return the file of `PACKAGE#Variant.ssd` and the variant; empty if the path exists as it is."""
     if path.exists():
         return path, ""
     name, hash_, variant = path.name.partition("#")
     return (path.with_name(name), variant) if hash_ and name else (path, "")
 
 
-def _find_ssd(folder: Path, variant: str, name: str) -> Package:
+def _make_package(folder: Path, variant: str, name: str) -> Package:
+    """Return the package in a folder, with its SSD. Raise CommandError if there is no such SSD at its top."""
     ssd = folder / (variant or DEFAULT_SSD)
     # neither `#../other.ssd` nor a link leads out of the package
     if not ssd.is_file() or ssd.resolve().parent != folder.resolve():
@@ -212,13 +214,14 @@ class _Loader:
 
     def structure(self) -> Structure:
         """Return the structure with its files."""
-        read = self._parse_ssd()
-        return replace(read, system=self._load_system(read.system))
+        parsed_ssd = self._parse_ssd()
+        return replace(parsed_ssd, system=self._load_system(parsed_ssd.system))
 
     def _parse_ssd(self) -> Structure:
-        read = parse_structure(_read_bytes(self._package.ssd), self._where)
-        self._by_id = {s.id: s for s in _list_systems(read.system) if s.id is not None}
-        return read
+        """Return the structure of the SSD without its files, and store its systems by id."""
+        structure = parse_structure(_read_bytes(self._package.ssd), self._where)
+        self._by_id = {s.id: s for s in _list_systems(structure.system) if s.id is not None}
+        return structure
 
     def _load_system(self, system: SystemElement) -> SystemElement:
         return replace(
@@ -261,6 +264,7 @@ class _Loader:
         )
 
     def _load_same_document(self, component: ComponentElement) -> SystemElement:
+        """Return the system in this SSD to which a component refers by id."""
         inner = self._make_inner_loader(f"{self._package.ssd.resolve()}{component.source}", component)
         # it is in the same file, so ids and error messages are the same
         inner._where, inner._by_id = self._where, self._by_id
@@ -277,6 +281,7 @@ class _Loader:
         return system
 
     def _load_other_document(self, component: ComponentElement) -> SystemElement:
+        """Return the system in another SSD or package to which a component refers."""
         uri, _, fragment = component.source.partition("#")
         file = self._package.file(uri, self._where)
         inner = self._make_inner_loader(f"{file}#{fragment}", component)
@@ -285,12 +290,13 @@ class _Loader:
             inner._package = self._stack.enter_context(open_package(file, unquote(fragment)))
             return self._insert_system(component, inner.structure().system)
         inner._package = replace(self._package, ssd=file, name=inner._where)
-        read = inner._parse_ssd().system
+        root = inner._parse_ssd().system
         return self._insert_system(
-            component, inner._load_system(inner._find_by_id(fragment, component) if fragment else read)
+            component, inner._load_system(inner._find_by_id(fragment, component) if fragment else root)
         )
 
     def _make_inner_loader(self, file: str, component: ComponentElement) -> "_Loader":
+        """Return a loader for the system of a component. Raise CommandError if it would contain itself."""
         outer_files = self._outer_files or (f"{self._package.ssd.resolve()}#",)
         if file in outer_files:
             raise self._make_fault(
@@ -335,6 +341,7 @@ class _Loader:
         return inside
 
     def _load_binding(self, binding: ParameterBinding, fmu: Path | None) -> ParameterBinding:
+        """Return a binding with the content of its files; `fmu` is the FMU whose files it may name."""
         values, mapping = binding.values, binding.mapping
         if isinstance(values, FileReference):
             values = parse_parameter_set(*self._read_reference(values, fmu))

@@ -96,7 +96,9 @@ class Wiring:
             if node in visited:
                 raise self.fault(f"the connections of {node_name(node)} form a loop.")
 
-    def arriving(self, node: Node, origin: Node, default_unit: SiUnit | None = None) -> LinearTransformation:
+    def find_transformation(
+        self, node: Node, origin: Node, default_unit: SiUnit | None = None
+    ) -> LinearTransformation:
         """Return the transformation from `origin` to a variable behind it.
 
         At both ends, values have the unit of the FMU's variable, or that of the connector if there is none.
@@ -183,12 +185,12 @@ def collect_wiring(
         CommandError: If connectors or connections do not match.
     """
     wiring = Wiring(where)
-    _Elements(wiring, interface).add(root, ())
-    _Level(wiring, root, (), {}).connect()
+    _ElementCollector(wiring, interface).add(root, ())
+    _SystemConnections(wiring, root, (), {}).connect()
     return wiring
 
 
-class _Elements:
+class _ElementCollector:
     """Adds elements and their connectors to a wiring."""
 
     def __init__(self, wiring: Wiring, interface: Callable[[ComponentElement], Interface]) -> None:
@@ -248,7 +250,7 @@ class _ConnectionEnd:
     is_target: bool
 
 
-class _Level:
+class _SystemConnections:
     """The connections of one system; `dictionaries` are the signal dictionaries of outer systems, by name."""
 
     def __init__(
@@ -273,7 +275,7 @@ class _Level:
             drivers[target] = source, connection
         for name, element in self._elements.items():
             if isinstance(element, SystemElement):
-                _Level(self._wiring, element, (*self._path, name), self._dictionaries).connect()
+                _SystemConnections(self._wiring, element, (*self._path, name), self._dictionaries).connect()
 
     def _find_direction(self, connection: SsdConnection) -> tuple[Node, Node]:
         """Return source and target of a connection; the start need not be the source."""
@@ -286,6 +288,7 @@ class _Level:
         raise self._make_fault(connection, "does not lead from an output to an input")
 
     def _find_end(self, connection: SsdConnection, element: str | None, name: str) -> _ConnectionEnd:
+        """Return an end of a connection. Raise CommandError if it does not exist or cannot be connected."""
         if element is not None and element not in self._elements:
             has = join_names(self._elements) if self._elements else "none"
             text = f"names the element '{element}'; the system '{self._system.name}' has {has}"

@@ -76,7 +76,7 @@ def join_arrays(root: SystemElement, interfaces: Mapping[str, Interface]) -> Sys
             index = connector.name[len(array.name) + 1 : -1]
             arrays[element.name, connector.name] = array, tuple(map(int, index.split(",")))
         elements.append(replace(element, connectors=tuple(connectors.values())))
-    indexed = [_with_indices(x, arrays) for x in root.connections]
+    indexed = [_add_indices(x, arrays) for x in root.connections]
     return replace(
         root,
         elements=tuple(elements),
@@ -88,7 +88,7 @@ _Arrays = Mapping[tuple[str, str], tuple[ParameterArray, tuple[int, ...]]]
 """Array and indices of each element of an array, by element of the system and name."""
 
 
-def _with_indices(x: SsdConnection, arrays: _Arrays) -> SsdConnection:
+def _add_indices(x: SsdConnection, arrays: _Arrays) -> SsdConnection:
     """Return a connection of elements with the names of their arrays, and indices."""
     start = arrays.get((x.start_element or "", x.start_connector))
     end = arrays.get((x.end_element or "", x.end_connector))
@@ -152,6 +152,7 @@ def complete_arrays(
 
 
 def _read_start_value(component: str, interface: Interface, name: str) -> float | int | bool | str:
+    """Return the start value in the FMU. Raise CommandError without one."""
     variable = interface.variables[name]
     if variable.start is None:
         raise CommandError(

@@ -50,7 +50,7 @@ class ParameterFiles:
     bindings: dict[str, tuple[ParameterBinding, ...]] = field(default_factory=dict)
 
 
-def parameter_files(system: System, interfaces: Mapping[str, Interface], version: str) -> ParameterFiles:
+def make_parameter_files(system: System, interfaces: Mapping[str, Interface], version: str) -> ParameterFiles:
     """Return one parameter set per component with only that component's parameters.
 
     OMSimulator stops at the first parameter that a component does not have, and other tools warn about each.
@@ -133,7 +133,7 @@ def _add_files(
     if not (parameters or mapping):
         return ()
     contents, version = files.contents, files.version
-    uri = file_name(component.name, ".ssv", contents)
+    uri = choose_file_name(component.name, ".ssv", contents)
     defined_units = select_unambiguous(p.unit for p in parameters)
     # a document cannot define two units of one name
     listed = tuple(p if p.unit in defined_units else replace(p, unit=None) for p in parameters)
@@ -141,12 +141,12 @@ def _add_files(
     contents[uri] = format_parameter_set(content, version)
     reference = None
     if mapping:
-        reference = FileReference(file_name(component.name, ".ssm", contents))
+        reference = FileReference(choose_file_name(component.name, ".ssm", contents))
         contents[reference.source] = format_mapping(mapping, version)
     return (ParameterBinding(FileReference(uri), mapping=reference, renames=reference is not None),)
 
 
-def file_name(name: str, ending: str, used: Collection[str]) -> str:
+def choose_file_name(name: str, ending: str, used: Collection[str]) -> str:
     """Return an unused URI in the package for a file.
 
     Args:
@@ -182,7 +182,9 @@ def check_package(path: Path, overwrite: bool = False) -> OutputFile:
         CommandError: If it must not be written.
     """
     if path.suffix.lower() != ".ssp":
-        raise CommandError(f"a scenario is exported to a file that ends in .ssp or .fmu, not to '{path}'.")
+        raise CommandError(
+            f"a scenario is exported to a file that ends in .ssp, .fmu or .c, not to '{path}'."
+        )
     return OutputFile(path, "the package", _is_ours, overwrite, creates_folder=True)
 
 
@@ -227,9 +229,9 @@ def write_ssp(
     plain = resolve_system(system, interfaces)
     uris: dict[Path, str] = {}
     for file in dict.fromkeys(fmus.values()):
-        uris[file] = file_name(file.stem, ".fmu", uris.values())  # files of the same name are numbered
+        uris[file] = choose_file_name(file.stem, ".fmu", uris.values())  # files of the same name are numbered
     version = select_version(plain, interfaces)
-    parameters = parameter_files(system, interfaces, version)
+    parameters = make_parameter_files(system, interfaces, version)
     parts = {
         c.name: StructurePart(interfaces[c.name], uris[fmus[c.name]], parameters.bindings[c.name])
         for c in system.components
