@@ -127,7 +127,10 @@ class CodePlan:
 
     @property
     def assumed_signals(self) -> list[float]:
-        """Return the signals that agree with the start values of the inputs that read them, otherwise 0."""
+        """Return the signals that agree with the start values of the inputs that read them, otherwise 0.
+
+        This overwrites the signals and inputs of the network.
+        """
         network = self.system.network
         network.signals[:] = 0.0
         for i, part in enumerate(self.system.parts):
@@ -168,7 +171,7 @@ def plan_code(
     models = {c.name: _find_block(c) for c in chosen_components}
     reduced_algorithm = _restrict_algorithm(algorithm, names)
     plan = plan_container(reduced_system, {n: fmus[n] for n in names}, reduced_algorithm, times)
-    multiple = _check_plan(plan, reduced_algorithm)
+    multiple = _find_common_multiple(plan, reduced_algorithm)
     fields = dict(zip(names, _name_parts(names), strict=True))
     blocks = _write_blocks(models[part.name] for part in plan.parts)
     parts = [
@@ -194,6 +197,7 @@ def plan_code(
 
 
 def _choose_components(system: System, patterns: Collection[str]) -> list[Component]:
+    """Return the components that match patterns; CommandError without patterns, and if one matches none."""
     names = [c.name for c in system.components]
     available = f"there are {join_names(names)}."
     if not patterns:
@@ -216,7 +220,7 @@ def _choose_outputs(names: Sequence[str], patterns: Collection[str], driving: Co
 
 
 def _find_block(component: Component) -> type[Block]:
-    """Return the block of a component; CommandError if it is not a block, or reads data."""
+    """Return the block of a component. Raise CommandError if it is an FMU file."""
     if not component.model:
         raise CommandError(f"{component.name} is an FMU file; only blocks of Python can be plain C.")
     block = find_block(component.model) if isinstance(component.model, str) else component.model
@@ -234,7 +238,7 @@ def _restrict_algorithm(algorithm: Algorithm, names: Collection[str]) -> Algorit
     return replace(algorithm, **changes) if changes else algorithm
 
 
-def _check_plan(plan: ContainerPlan, algorithm: Algorithm) -> int:
+def _find_common_multiple(plan: ContainerPlan, algorithm: Algorithm) -> int:
     """Return the common step multiple; CommandError if the components cannot be plain C."""
     if plan.groups:
         raise CommandError("plain C has no strong coupling; add --algorithm gauss-seidel.")
@@ -286,7 +290,7 @@ def _list_starts(plan: ContainerPlan, p: int, block: CodeBlock) -> list[float]:
 def _list_variables(
     parts: Sequence[CodePart], kind: str, names: Collection[str] | None = None
 ) -> list[CodeVariable]:
-    """Return the inputs, outputs or parameters of all components that have one of these names."""
+    """Return the inputs, outputs or parameters of all components: all, or those with one of these names."""
     variables = [
         CodeVariable(f"{part.field}_{make_identifier(part.block.layout.scalars[r].name)}", part, r)
         for part in parts

@@ -58,7 +58,7 @@ def render_source(plan: CodePlan, precision: str) -> str:
         plan,
         precision,
         network=plan.system.network,
-        connections=[_read_signals(plan, i) for i in range(len(plan.parts))],
+        connections=[_format_connected_inputs(plan, i) for i in range(len(plan.parts))],
         helpers=[text for name, text in HELPERS.items() if re.search(rf"\b{name}\(", equations)],
         same_count=c_number(instance.SAME_COUNT),
         shim=lambda name: files("fmublock").joinpath("shim", name).read_text(encoding="utf-8"),
@@ -88,8 +88,8 @@ def _render(template: str, plan: CodePlan, precision: str, **context: Any) -> st
     return environment.get_template(template).render(context)
 
 
-def _read_signals(plan: CodePlan, i: int) -> list[tuple[int, str, str]]:
-    """Return the value reference of each connected input, its value in C and its name."""
+def _format_connected_inputs(plan: CodePlan, i: int) -> list[tuple[int, str, str]]:
+    """Return the value reference of each connected input, the expression of its value in C, and its name."""
     network, lines = plan.system.network, list[tuple[int, str, str]]()
     for j, variable in enumerate(plan.system.parts[i].instance.read):
         factor, offset = float(network.factors[i][j]), float(network.offsets[i][j])
@@ -105,6 +105,7 @@ def _read_signals(plan: CodePlan, i: int) -> list[tuple[int, str, str]]:
 
 
 def _check_float(plan: CodePlan, equations: str) -> None:
+    """Raise CommandError if the equations contain a whole number that a float cannot hold."""
     numbers = map(float, re.findall(_NUMBER, equations))
     large = [x for x in numbers if x == int(x) and _LARGEST_WHOLE < abs(x) < 1e15]
     if large:
@@ -139,7 +140,8 @@ def list_files(path: Path) -> tuple[Path, Path]:
     """
     if make_identifier(path.stem) != path.stem or not re.fullmatch(r"[A-Za-z]\w*", path.stem, re.ASCII):
         raise CommandError(
-            f"'{path.name}' begins all names in C, so it needs letters, digits and _, such as control.c."
+            f"'{path.stem}' begins all names in C: it must have letters, digits and _ only, begin with "
+            "a letter, not end with _, and not be a reserved word. Write a file such as control.c."
         )
     return path, path.with_suffix(".h")
 

@@ -245,13 +245,16 @@ class SystemTables:
                 _choose_setting_time(variable),
             ),
             *(self._choose_way(variable), variable.part, origin.valueReference),
-            *(position_in_array(origin), variable.size, self._find_array(variable), variable.signal),
+            *(position_in_array(origin), variable.size, self._save_values(variable), variable.signal),
             self._plan.image.parts[variable.part].ticks.get(str(origin.name), -1),
         ]
         return f"{{{', '.join(map(str, cells))}}}"
 
-    def _find_array(self, variable: ContainerVariable) -> int:
-        """Return where its array is kept, or a value that waits or may cause an event; -1 without."""
+    def _save_values(self, variable: ContainerVariable) -> int:
+        """Return the position in `saved` of its array, or of a value that waits or may cause an event.
+
+        The memory is reserved on the first call; -1 if the variable needs none.
+        """
         origin, part = variable.origin, self._plan.parts[variable.part]
         pending_inputs = self._plan.image.parts[variable.part].pending_inputs
         if origin.type == "String" or not variable.is_settable:

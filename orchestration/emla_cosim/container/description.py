@@ -56,7 +56,7 @@ def describe_container(
         if fmi == 2 and variable.origin.type == "Integer":
             _fit_into_integer(kind, variable)
     if fmi == 3:
-        _add_time(model_variables, choose_time_name(variables), units)
+        _add_time_variable(model_variables, choose_time_name(variables), units)
     root.extend(section for section in (units.element(), types) if len(section))
     add_log_categories(root, fmi)
     times = plan.times
@@ -106,7 +106,7 @@ class _Units:
         self._names: dict[tuple[str, str], str] = {}
 
     def name(self, unit: str, library: Library) -> str:
-        """Return the name in the container of a unit of an FMU."""
+        """Return the name in the container of a unit of an FMU; the first call adds it."""
         if (existing := self._names.get((library.folder, unit))) is not None:
             return existing
         defined = replace(library.file.interface.units.find(unit), name=unit)
@@ -145,7 +145,7 @@ class _Enumerations:
         self._parent, self._fmi, self._names_so_far = parent, fmi, set[str]()
 
     def name(self, variable: ModelVariable, folder: str) -> str:
-        """Return the name of the type of an Enumeration in the container."""
+        """Return the name of the type of an Enumeration in the container; the first call adds the type."""
         declared: Any = variable.declaredType
         name = f"{folder}.{declared.name}"  # two FMUs may define different types of one name
         if name not in self._names_so_far:
@@ -226,8 +226,8 @@ def _fit_into_integer(kind: Element, variable: ContainerVariable) -> None:
         del kind.attrib[name]
 
 
-def _add_time(parent: Element, name: str, units: _Units) -> None:
-    """Add the time, which FMI 3.0 requires."""
+def _add_time_variable(parent: Element, name: str, units: _Units) -> None:
+    """Add the time as a variable, which FMI 3.0 requires."""
     attributes = {"name": name, "valueReference": str(len(parent)), "description": "Time"}
     attributes |= {"causality": "independent", "variability": "continuous"}
     SubElement(parent, "Float64", attributes, unit=units.add(parse_unit("s")))

@@ -131,6 +131,7 @@ class Image:
         return self._add(_Region(owner.ctypes.data, owner.nbytes, owner))
 
     def _add(self, region: _Region) -> _Region:
+        """Add memory, and return what is known at its address: the larger of the two."""
         existing = self._regions.get(region.address)
         if existing is None or existing.size < region.size:  # an empty region may have the address of another
             self._regions[region.address] = region

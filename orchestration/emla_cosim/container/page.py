@@ -74,15 +74,15 @@ def _draw_box(box: Box) -> str:
 def _draw_label(x: float, y: float, text: str, size: float, anchor: str, color: str) -> str:
     return (
         f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size:.2f}" text-anchor="{anchor}" fill="{color}">'
-        f"{_format_title(text)}</text>"
+        f"{_escape_line(text)}</text>"
     )
 
 
 def _make_title(text: str) -> str:
-    return f"<title>{_format_title(text)}</title>"
+    return f"<title>{_escape_line(text)}</title>"
 
 
-def _format_title(text: str) -> str:
+def _escape_line(text: str) -> str:
     """Return a text from outside on one line, without markup."""
     return escape("; ".join(" ".join(line.split()) for line in text.splitlines()))
 

@@ -152,6 +152,7 @@ def plan_container(
 
 
 def _check_support(assembly: Assembly) -> None:
+    """Raise CommandError if an FMU or a connection cannot be in the FMU of a system."""
     model_exchange = [name for name, file in assembly.files.items() if file.kind != CO_SIMULATION]
     if model_exchange:
         raise CommandError(
@@ -177,7 +178,10 @@ def _check_support(assembly: Assembly) -> None:
 
 
 def _solve_initial_loops(network: Network, times: CommunicationPoints) -> list[Vector]:
-    """Return the solution of each loop of initial values, as `initialize` finds it."""
+    """Return the solution of each loop of initial values, as `initialize` finds it; empty without a loop.
+
+    With loops, this initializes the instances, which must be started anew.
+    """
     loops = find_initial_groups(network)
     if not any(len(coupling_variables) for _, coupling_variables in loops):
         return [np.empty(0) for _ in loops]
@@ -251,7 +255,7 @@ def _list_libraries(files: Sequence[FmuFile]) -> list[Library]:
 
 
 def _find_source(file: FmuFile, content: Collection[str]) -> str | None:
-    """Return the source file of an FMU that can be compiled in."""
+    """Return the source file of an FMU that can be compiled in; None if its library must be packed."""
     # the prefix of functions, with which several can be compiled together, needs our sources
     is_ours = str(file.description.generationTool).endswith(_BUILDER)
     present = (source for source in _COMPILED if f"sources/{source}" in content)

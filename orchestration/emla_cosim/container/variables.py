@@ -57,7 +57,7 @@ class ContainerVariable:
     Attributes:
         name: its name in the system.
         part: position of the component.
-        part_variable: the variable of the component's FMU.
+        origin: the variable of the component's FMU.
         causality: input, output, parameter, calculatedParameter or local.
         start: its start value, None if it has none.
         is_overridden: whether the start value differs from that of the FMU.
@@ -146,7 +146,10 @@ def list_variables(
         )
     open_inputs = [v.name for v in variables if v.causality == "input"]
     all_outputs = [v.name for v in variables if v.causality == "output"]
-    selected = {*_select("input", inputs, open_inputs), *_select("output", outputs or defaults, all_outputs)}
+    selected = {
+        *_select_names("input", inputs, open_inputs),
+        *_select_names("output", outputs or defaults, all_outputs),
+    }
     return [_hide_if_unselected(v, selected) for v in variables]
 
 
@@ -173,7 +176,8 @@ def _hide_if_unselected(variable: ContainerVariable, selected: Collection[str]) 
     return replace(variable, causality=causality)
 
 
-def _select(kind: str, patterns: Collection[str], names: Sequence[str]) -> list[str]:
+def _select_names(kind: str, patterns: Collection[str], names: Sequence[str]) -> list[str]:
+    """Return the names that match patterns, all without patterns. Raise CommandError if one matches none."""
     hint = "see `emla info` for the outputs."
     if kind == "input":
         hint = f"nothing drives {', '.join(names)}." if names else "every input is connected."

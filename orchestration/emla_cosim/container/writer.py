@@ -129,6 +129,7 @@ def write_container(
 
 
 def _check_platforms(library: Library, platforms: Sequence[str]) -> None:
+    """Raise CommandError if a library that is packed into the FMU lacks one of the platforms."""
     if library.source is not None:
         return
     have = sorted({platform_of(p.split("/")[0]) for p in library.list_files("binaries")})

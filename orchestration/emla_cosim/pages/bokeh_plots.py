@@ -99,7 +99,7 @@ def build_figure(plot: Plot, most: int) -> Any:
     low, high = _find_value_range(plot)
     unit = describe_unit(plot.label, plot.items)
     figure = new_figure(unit, [line.time for line in plot.lines], Range1d(start=low, end=high))
-    data = ColumnDataSource({name: compact(values) for name, values in _sample(plot, most).items()})
+    data = ColumnDataSource({name: compact(values) for name, values in _sample_lines(plot, most).items()})
     entries, rows = list[tuple[str, Any]](), [("time / s", "@time")]
     if plot.band is not None:
         area = VArea(x="time", y1="lower", y2="upper", fill_color=ORANGE, fill_alpha=0.25)
@@ -208,7 +208,7 @@ def describe_line(line: Line, default: str) -> str:
     return (line.label or default or "value") + gaps
 
 
-def _sample(plot: Plot, most: int) -> dict[str, Vector]:
+def _sample_lines(plot: Plot, most: int) -> dict[str, Vector]:
     """Return times and values of all lines and of the band at common times, condensed."""
     lines = {f"y{number}": (line.time, line.values) for number, line in enumerate(plot.lines)}
     if plot.band is not None:

@@ -26,7 +26,7 @@ class ComparedSignal:
 
     @property
     def share(self) -> float | None:
-        """Largest deviation relative to the tube's width; None if it is not a number."""
+        """Largest deviation relative to half the tube's height; None if it is not finite."""
         return _find_share(self.comparison)
 
 
@@ -47,13 +47,13 @@ def build_comparison_rows(comparisons: Sequence[Comparison], plots: Plots) -> li
 
 
 def _find_share(comparison: Comparison) -> float | None:
-    width = comparison.tube.value
-    share = abs(comparison.worst) / width if width > 0 else math.nan
+    half_height = comparison.tube.value
+    share = abs(comparison.worst) / half_height if half_height > 0 else math.nan
     return share if math.isfinite(share) else None
 
 
 def _add_plots(comparison: Comparison, plots: Plots) -> tuple[str, str]:
-    """Add a plot of the values and one of the deviations, which shows also a thin tube."""
+    """Add a plot of the values and one of the deviations, which shows also a thin tube. Return their ids."""
     time, base = comparison.time, _interpolate(comparison)
     color = BLUE if comparison.inside else RED
     # beside the values themselves, a thin tube would not be visible

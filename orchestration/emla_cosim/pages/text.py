@@ -15,7 +15,7 @@ _HIDDEN = re.compile(
 
 
 def make_visible(text: object) -> str:
-    r"""The text with characters that do harm or are not seen written out: `\x1b`, `\u202e`."""
+    r"""Return the text with harmful and invisible characters written out, such as `\x1b` and `\u202e`."""
     return _HIDDEN.sub(_escape, str(text)).replace("\r", "\n")
 
 
@@ -53,7 +53,7 @@ def to_plain(value: Any) -> Any:
     if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
     if isinstance(value, Mapping):
-        return {_text(str(name)): to_plain(inner) for name, inner in value.items()}
+        return {_replace_surrogates(str(name)): to_plain(inner) for name, inner in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
         return [to_plain(inner) for inner in value]
     if isinstance(value, float):
@@ -61,9 +61,9 @@ def to_plain(value: Any) -> Any:
         return float(value) if math.isfinite(value) else None
     if value is None or isinstance(value, (bool, int)):
         return value
-    return _text(str(value))
+    return _replace_surrogates(str(value))
 
 
-def _text(text: str) -> str:
-    """Remove unpaired surrogates, which file names may contain."""
+def _replace_surrogates(text: str) -> str:
+    """Replace unpaired surrogates, which file names may contain, by a visible sign."""
     return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
