@@ -83,7 +83,7 @@ def _write_another_object(channel: Channel) -> None:
     channel.send_bytes(b"not pickled")
 
 
-def test_object_that_cannot_be_read_is_one_of_something_else() -> None:
+def test_unreadable_object_is_reported_as_written_by_others() -> None:
     with (
         closing(Child(_write_another_object, fork=True)) as child,
         pytest.raises(ChildEndedError, match="something else wrote"),
@@ -111,7 +111,7 @@ BEGUN = struct.pack("=8sQ", b"\x93emla\r\n\x1a", 1000)
     ("content", "error"),
     [(b"x", TimeoutError), (BEGUN + b"x", TimeoutError), (b"a log message of an FMU", ChildEndedError)],
 )
-def test_what_an_fmu_writes_blocks_nobody(content: bytes, error: type[Exception]) -> None:
+def test_what_an_fmu_writes_does_not_block_the_parent(content: bytes, error: type[Exception]) -> None:
     with closing(Child(_write, _list_files(), content, fork=True)) as child:
         start_time = time.monotonic()
         with pytest.raises(error):

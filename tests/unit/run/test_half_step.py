@@ -54,7 +54,9 @@ REASONS: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("options", "reason"), REASONS)
-def test_other_repetitions_have_a_reason(options: dict[str, Any], reason: str, lift: ec.Simulation) -> None:
+def test_run_whose_step_cannot_be_halved_has_a_reason(
+    options: dict[str, Any], reason: str, lift: ec.Simulation
+) -> None:
     with pytest.raises(NotHalvedError, match=reason):
         halve_step(lift, options)
 

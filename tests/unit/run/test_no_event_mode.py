@@ -106,7 +106,7 @@ def test_discrete_inputs_change_before_steps(events: Path, isolate: list[str]) -
     assert result["b.updates"][-1] == 0.0 < result["a.updates"][-1]
 
 
-def test_the_switch_can_be_off(system: System) -> None:
+def test_false_and_an_empty_list_keep_event_mode(system: System) -> None:
     for off in (False, []):
         result = run(system, no_event_mode=off)
         assert result.remarks == [] and result["a.updates"][-1] > 0.0
@@ -124,7 +124,7 @@ def test_resumed_run_is_the_same(system: System) -> None:
         run(system, resume="with", no_event_mode=True)
 
 
-def test_it_is_fixed_when_a_simulation_is_prepared(system: System) -> None:
+def test_option_is_fixed_when_a_simulation_is_prepared(system: System) -> None:
     options: dict[str, Any] = {"no_event_mode": True}
     with ec.load(system, **TIMES).prepare(**options) as simulation:
         assert simulation.run().remarks == simulation.run(fresh=True).remarks == [REMARK]
@@ -224,7 +224,7 @@ def test_wrong_component_on_the_command_line(emla: Emla, events: Path) -> None:
 
 
 @pytest.mark.parametrize("fmi", mostly_slow([2, 3], [3]))
-def test_such_fmus_fit_into_the_fmu_of_a_system(system: System, fmi: int) -> None:
+def test_system_without_event_mode_can_be_exported_as_an_fmu(system: System, fmi: int) -> None:
     """Those with event mode are refused."""
     ours = run(system, no_event_mode=True)
     scenario = ec.load(system, no_event_mode=True, **TIMES)
@@ -249,7 +249,7 @@ def test_sweeps_run_without_event_mode(system: System, on_one_cluster: None) -> 
     assert min(ec.sweep(system, **options).variants["n"].to_list()) > 0.0
 
 
-def test_frequency_responses_say_so(system: System) -> None:
+def test_frequency_responses_have_the_remark(system: System) -> None:
     actual = ec.linearize(
         system, perturb="a.u", read="a.x", stop_time=2.0, step_size=1e-2, no_event_mode=True
     )

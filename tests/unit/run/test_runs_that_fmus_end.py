@@ -63,7 +63,7 @@ def test_tuning_counts_the_run_as_lost(faulty_fmu: Path, scheduler: "Client") ->
     assert not result.start.training.holds
 
 
-def test_sweeps_count_these_variants(faulty_fmu: Path, on_one_cluster: None) -> None:
+def test_sweeps_count_the_variants_that_fmus_ended(faulty_fmu: Path, on_one_cluster: None) -> None:
     system = ec.System.of({"a": faulty_fmu}, set={"a.fault": int(Fault.TERMINATE)})
     swept = ec.sweep(ec.load(system, **OPTIONS), {"a.at": [0.3, 5.0]}, metrics=["x = last(a.y)"])
     assert swept.variants["status"].to_list() == ["done", "done"]

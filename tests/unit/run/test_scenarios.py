@@ -97,7 +97,7 @@ def test_published_gains_with_true_states_have_the_errors_of_the_paper(
         assert torque == pytest.approx(TABLE_VI[joint][2], rel=0.2)
 
 
-def test_published_gains_lose_every_joint(fmu_folder: Path) -> None:
+def test_published_gains_leave_large_errors_in_every_joint(fmu_folder: Path) -> None:
     """Their observer does not know the load: decimetres after 1 s, an overflow in steps of 0.1 ms."""
     with load("published").prepare(fmus=fmu_folder) as simulation:
         result = simulation.run()

@@ -122,7 +122,7 @@ def test_broken_package_inside_another_is_named(tmp_path: Path) -> None:
     problem_of(path, "inner.ssp' has the entry '../evil.txt'")
 
 
-def test_sizes_are_added_up(tmp_path: Path) -> None:
+def test_total_size_of_a_package_is_limited(tmp_path: Path) -> None:
     content = archive(*((f"extra{i}.txt", b"x") for i in range(10)))
     for i in range(10):
         content = resized(content, f"extra{i}.txt", GIB)

@@ -168,7 +168,7 @@ def written(path: Path, system: System, fmus: dict[str, Path]) -> dict[str, byte
 
 @tiers.examples(15, 100, suppress_health_check=[HealthCheck.too_slow])
 @given(examples())
-def test_there_and_back(fmus: dict[str, Path], example: Example) -> None:
+def test_exported_package_is_read_back_unchanged(fmus: dict[str, Path], example: Example) -> None:
     files = {name: fmus[model] for name, model in example.models.items()}
     with tempfile.TemporaryDirectory() as folder:
         first = written(Path(folder, "first.ssp"), example.system, files)

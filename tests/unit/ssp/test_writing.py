@@ -83,7 +83,7 @@ def test_connections_of_all_types(tmp_path: Path) -> None:
         ["a.b", "a.b.c"],
     ],
 )
-def test_names_stay(names: list[str], tmp_path: Path, fmu: Path) -> None:
+def test_component_names_are_the_same_after_reading(names: list[str], tmp_path: Path, fmu: Path) -> None:
     """Also where the files of components would have the same name."""
     components = [Component(name, parameters={"k": float(i)}) for i, name in enumerate(names, 1)]
     actual = exported(tmp_path, System(tuple(components), ()), dict.fromkeys(names, fmu)).system.components
