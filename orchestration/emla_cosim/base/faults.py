@@ -92,7 +92,7 @@ def is_lenient() -> bool:
 
 
 def note_fault(where: str, *problems: str) -> None:
-    """Add problems to the accepted ones; outside of `accept_faults`, nobody collects them.
+    """Add problems to the accepted ones; without a block of `accept_faults`, they are dropped.
 
     Args:
         where: The name of the file.

@@ -82,6 +82,7 @@ class SystemTables:
         self.wiring = self._image.text()
 
     def _list_flags(self) -> list[str]:
+        """Return the lines that define the abilities of the system and the parts of the stepper in use."""
         plan = self._plan
         has_states = plan.all_can("canGetAndSetFMUstate")
         flags = {
@@ -102,6 +103,7 @@ class SystemTables:
     def _list_numbers(
         self, variables: Sequence[ContainerVariable], sizes: Sequence[int], starts: Sequence[str]
     ) -> dict[str, int]:
+        """Return the sizes of the tables by their names in C."""
         plan, image, loops = self._plan, self._plan.image, self._plan.initial_groups
         return {
             "N_LIBRARIES": len(plan.libraries),
@@ -130,6 +132,7 @@ class SystemTables:
         }
 
     def _list_reals(self) -> dict[str, float]:
+        """Return the times and tolerances by their names in C."""
         times, clock = self._plan.times, self._plan.times.clock
         return {
             "START_TIME": times.start,
@@ -177,6 +180,7 @@ class SystemTables:
         return [*compiled, "", *format_table("Library", "libraries", rows)]
 
     def _list_parts(self) -> list[str]:
+        """Return the table of the components, after the names of their clocks."""
         parts, rows = self._plan.image.parts, list[str]()
         names = [
             line
@@ -200,6 +204,7 @@ class SystemTables:
         return [*names, *format_table("Part", "parts", rows)]
 
     def _list_network(self) -> list[str]:
+        """Return the tables of start values of inputs, names of signals, order and first Jacobians."""
         network, parts = self._plan.network, self._plan.parts
         starts = [c_number(float(x)) for part in parts for x in part.instance.input_starts]
         return [
@@ -210,6 +215,7 @@ class SystemTables:
         ]
 
     def _list_initial_groups(self) -> list[str]:
+        """Return the tables of the loops of initial values."""
         loops, rows, members, coupling = self._plan.initial_groups, list[str](), 0, 0
         for loop in loops:
             rows.append(f"{{{members}, {len(loop.members)}, {coupling}, {len(loop.coupling)}}}")
@@ -236,6 +242,7 @@ class SystemTables:
         return format_table("TextLink", "text_links", rows)
 
     def _format_variable(self, variable: ContainerVariable, fmi: int) -> str:
+        """Return the row of a variable in the table `variables`."""
         origin = variable.origin
         cells = [
             *(

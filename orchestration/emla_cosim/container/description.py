@@ -234,6 +234,7 @@ def _add_time_variable(parent: Element, name: str, units: _Units) -> None:
 
 
 def _format_start(variable: ContainerVariable) -> str:
+    """Return the start value as XML has it; one that FMU and system leave out is 0, false or empty."""
     value, type_ = variable.start, variable.origin.type
     if value is not None and not variable.is_overridden:
         return str(value)  # as its FMU writes it

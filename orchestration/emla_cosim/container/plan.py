@@ -196,6 +196,7 @@ def _solve_initial_loops(network: Network, times: CommunicationPoints) -> list[V
 def _make_plan(
     assembly: Assembly, algorithm: Algorithm, guesses: Sequence[Vector], times: CommunicationPoints
 ) -> ContainerPlan:
+    """Return the plan of a system that is initialized, with the solutions of its initial loops."""
     network, exchange = assembly.network, algorithm.exchange
     # components with one FMU share its folder, and so its library
     libraries = _list_libraries(list(assembly.files.values()))

@@ -157,6 +157,7 @@ def _make_part_image(
     with_events: Sequence[InProcessInstance],
     pending_inputs: Mapping[str, NDArray[Any]],
 ) -> PartImage:
+    """Return the calls and events of a component by their positions; `initial` are addresses and counts."""
     setters, getters = ((image.find_position(address) if count else 0, count) for address, count in initial)
     if not isinstance(instance, EventModeInstance):
         return PartImage(setters, getters)

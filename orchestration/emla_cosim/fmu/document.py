@@ -211,6 +211,7 @@ def describe_missing_variability(variable: Any) -> str:
 
 
 def _check_types(root: Any, is_3: bool) -> Iterator[_Fault]:
+    """Yield faults of type definitions; a wrong item is fatal only if a variable has the type."""
     used = {element.get("declaredType") for element in root.iterfind("ModelVariables//*[@declaredType]")}
     for definition in root.iterfind("TypeDefinitions/*"):
         inner = definition if is_3 else next(definition.iterfind("*"), None)
@@ -225,6 +226,7 @@ def _check_types(root: Any, is_3: bool) -> Iterator[_Fault]:
 
 
 def _check_variables(variables: Any, is_3: bool) -> Iterator[_Fault]:
+    """Yield faults of name, type, value reference, values and dimensions of each variable."""
     types = _TYPES_3 if is_3 else _TYPES_2
     for variable in variables.iterfind("*"):
         label = _describe(variable)

@@ -182,6 +182,7 @@ class _Announced:
             function.argnames, function.argtypes, function.restype = names, types, result
 
     def _call(self, fname: str, *args: Any) -> Any:
+        """Call an FMI function. Raise FMICallException for a status worse than a warning."""
         self.instance.announce(fname, args)
         try:
             answer = super()._call(fname, *args)  # type: ignore[misc]

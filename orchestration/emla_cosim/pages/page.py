@@ -66,6 +66,7 @@ def render_template(package: str, name: str, plots: Plots, **context: Any) -> st
 
 @cache
 def _make_environment(package: str) -> Environment:
+    """Return the environment of a package's templates; it escapes texts and makes hidden letters visible."""
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader(__package__ or "", "assets")]),
         autoescape=True,

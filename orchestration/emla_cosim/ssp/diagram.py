@@ -296,6 +296,7 @@ def _link_parts(wires: Iterable[ComponentLink]) -> list[ComponentLink]:
 
 
 def _build_diagram(title: str, components: Mapping[str, str], wires: Sequence[ComponentLink]) -> Diagram:
+    """Return one diagram with a box per component; the box of the same part of each joint has one color."""
     system = add_coordinates(_build_structure(components, wires))
     elements = {e.name: e for e in system.elements}
     # the same part of each joint has the same color

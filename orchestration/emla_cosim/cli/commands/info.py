@@ -183,6 +183,7 @@ def _write_pictures(content: Info, folder: Path, files: Sequence[OutputFile]) ->
 
 
 def _show(content: Info, header: bool) -> None:
+    """Show title, notes and variables; with `header` also times, components and the machine."""
     title = f"{content.name}: {content.description}" if content.description else content.name
     show(Text(format_line(title), style="bold"), soft_wrap=True)
     if header:

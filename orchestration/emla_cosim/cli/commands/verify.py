@@ -233,6 +233,7 @@ def _format_count(count: int, verdict: Verdict) -> str:
 
 
 def _show_findings(examined: Examined, verdict: Verdict, explain: bool) -> None:
+    """Show the findings of one verdict with their details, and what helps to understand and repeat them."""
     for finding in examined.of(verdict):
         name = f"[{_STYLE[verdict]}]{verdict}[/] [bold]{finding.check}[/]"
         show(

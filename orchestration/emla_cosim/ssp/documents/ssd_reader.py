@@ -162,6 +162,7 @@ class _Reader:
                 )
 
     def _read_common(self, element: XmlElement) -> dict[str, Any]:
+        """Return the fields that all elements have, by name."""
         geometry = child(element, "ssd:ElementGeometry")
         return {
             "name": element.get("name"),

@@ -134,6 +134,7 @@ def _add_system(
 
 
 def _add_common(parent: XmlElement, tag: str, element: Element, /, **attributes: str | None) -> XmlElement:
+    """Add an element with the fields that all elements have, and return its XML."""
     added = add(parent, tag, id=element.id, name=element.name, **attributes)
     if element.connectors:
         group = add(added, "ssd:Connectors")

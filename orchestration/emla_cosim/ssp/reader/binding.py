@@ -126,6 +126,7 @@ class _CollectedBindings:
         )
 
     def _add_binding(self, binding: ParameterBinding, element: Element, path: Path_) -> None:
+        """Store the values of a binding by target, in place of earlier ones, and why others have none."""
         values = binding.values
         assert isinstance(values, ParameterSet)  # the loader has replaced all files
         matched, reasons = self._matched.setdefault(values, set()), self._reasons.setdefault(values, {})

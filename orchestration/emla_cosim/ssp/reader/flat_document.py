@@ -162,6 +162,8 @@ def _list_components(element: Element, path: Path_) -> Iterator[tuple[Path_, Com
 def _replace_structures(
     system: SystemElement, path: Path_, structures: Mapping[Path_, Mapping[str, int]]
 ) -> SystemElement:
+    """Return a system whose components have these values of structural parameters, by path."""
+
     def update(element: Element) -> Element:
         element_path = (*path, element.name)
         if isinstance(element, SystemElement):

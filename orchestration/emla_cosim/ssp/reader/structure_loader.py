@@ -231,6 +231,7 @@ class _Loader:
         )
 
     def _load_element(self, element: Element) -> Element:
+        """Return an element with its files: an FMU, or the system to which it refers."""
         if isinstance(element, SystemElement):
             return self._load_system(element)
         if not isinstance(element, ComponentElement):
@@ -251,6 +252,7 @@ class _Loader:
                 )
 
     def _load_fmu(self, component: ComponentElement) -> ComponentElement:
+        """Return a component with the path of its FMU and the content of its bindings."""
         if not component.source:
             raise self._make_fault(f"the component '{component.name}' has no source.")
         if component.implementation not in ("any", *KINDS.values()):
