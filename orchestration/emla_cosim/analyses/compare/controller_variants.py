@@ -67,7 +67,7 @@ def select_variants(
     Raises:
         CommandError: A controller or a set does not exist, or no compared controller has the set.
     """
-    names = list(dict.fromkeys(_check_controllers(controllers)))
+    names = list(dict.fromkeys(_resolve_controllers(controllers)))
     choices = {controller: choose_controller(controller, None, preferred) for controller in names}
     sets = {controller: list(default.controller.gains) for controller, default in choices.items()}
     defaults = {controller: default.gain_set for controller, default in choices.items()}
@@ -90,7 +90,8 @@ def list_other_variants(compared: Sequence[ControllerVariant]) -> list[str]:
     return [s for c in controllers for s in (f"{c}/{g}" for g in CONTROLLERS[c].gains) if s not in labels]
 
 
-def _check_controllers(controllers: Sequence[Choice] | None) -> list[Choice]:
+def _resolve_controllers(controllers: Sequence[Choice] | None) -> list[Choice]:
+    """Return the controllers, all built-in ones for None; raise CommandError if it is not a list of them."""
     if controllers is None:
         return list(CONTROLLERS)
     if isinstance(controllers, (str, type)) or not isinstance(controllers, Sequence) or not controllers:
@@ -105,7 +106,7 @@ def _check_controllers(controllers: Sequence[Choice] | None) -> list[Choice]:
 def _find_sets(
     gains: Sequence[str], sets: Mapping[Choice, Sequence[str]], defaults: Mapping[Choice, str]
 ) -> dict[Choice, set[str]]:
-    """Return the named sets of each controller."""
+    """Return the sets that the texts select, by controller; raise CommandError for an unknown one."""
     selected: dict[Choice, set[str]] = {controller: set() for controller in sets}
     for text in gains:
         label, slash, gain_set = text.rpartition("/")
@@ -222,7 +223,7 @@ def find_reserve_values(prepared: Preparation, reserves: Reserves) -> dict[str, 
     parts = {CURRENT: reserves.current, VOLTAGE: reserves.voltage}
     return {
         f"{controller}.{name}": float(part)
-        for controller in _list_controllers(prepared)
+        for controller in _list_controller_names(prepared)
         for name, part in parts.items()
         if name in prepared.interfaces[controller].variables and part is not None
     }
@@ -231,15 +232,16 @@ def find_reserve_values(prepared: Preparation, reserves: Reserves) -> dict[str, 
 def describe_reserves(prepared: Preparation, values: Mapping[str, Value]) -> str:
     """Return the reserves of the controllers of a system as text; `values` has start values of the run."""
     value = read_start_values(prepared, values)
-    reserves = (_read_reserves(controller, value) for controller in _list_controllers(prepared))
+    reserves = (_read_limit_reserves(controller, value) for controller in _list_controller_names(prepared))
     return ", ".join(dict.fromkeys(str(each or "not stated") for each in reserves))
 
 
-def _list_controllers(prepared: Preparation) -> list[str]:
+def _list_controller_names(prepared: Preparation) -> list[str]:
     return [c.name for c in prepared.system.components if c.name.rpartition(".")[2] == "controller"]
 
 
-def _read_reserves(controller: str, value: Callable[[str], float | None]) -> Reserves | None:
+def _read_limit_reserves(controller: str, value: Callable[[str], float | None]) -> Reserves | None:
+    """Return the reserves of a controller; None if it has no parameters for them."""
     current, voltage = value(f"{controller}.{CURRENT}"), value(f"{controller}.{VOLTAGE}")
     if current is None or voltage is None:
         return None

@@ -277,6 +277,7 @@ def _draw_maps(result: CompareResult) -> "dict[str, Figure]":
 
 
 def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
+    """Draw the points of one controller and joint; a point holds if it does with all seeds."""
     from matplotlib.colors import ListedColormap
 
     x, y = (sorted({row[name] for row in rows}) for name in ("x", "y"))

@@ -64,7 +64,10 @@ class ComparisonCase:
         ]
 
     def resolve_start_values(self, prepared: Preparation) -> dict[str, Value] | None:
-        """Return the start values of the case by full name; None if the system has no such variable."""
+        """Return the start values of the case by full name; None if the system lacks a variable for it.
+
+        All variables to set must exist, and at least one of those to scale.
+        """
         fixed = [dict.fromkeys(_find_start_values(name, prepared), value) for name, value in self.set.items()]
         scaled = [_scale_values(pattern, factor, prepared) for pattern, factor in self.scale.items()]
         shifted = [] if self.start_error is None else [_shift_start(self.start_error, prepared)]
@@ -114,20 +117,23 @@ class StabilityMap:
 
 def read_robustness_cases() -> list[ComparisonCase]:
     """Return the cases of the table `robustness`."""
-    return [ComparisonCase(**entry) for entry in _read("robustness")["case"]]
+    return [ComparisonCase(**entry) for entry in _read_cases_file("robustness")["case"]]
 
 
 def read_stability_maps() -> list[StabilityMap]:
     """Return the maps of the table `stability`."""
-    return [StabilityMap(m["name"], MapAxis(**m["x"]), MapAxis(**m["y"])) for m in _read("stability")["map"]]
+    return [
+        StabilityMap(m["name"], MapAxis(**m["x"]), MapAxis(**m["y"]))
+        for m in _read_cases_file("stability")["map"]
+    ]
 
 
 def read_stability_stop_time() -> float:
     """Return the default stop time of the runs of maps, in s."""
-    return float(_read("stability")["stop_time"])
+    return float(_read_cases_file("stability")["stop_time"])
 
 
-def _read(name: str) -> dict[str, Any]:
+def _read_cases_file(name: str) -> dict[str, Any]:
     return read_toml((files("emla_cosim.study") / "cases" / f"{name}.toml").read_text(encoding="utf-8"), name)
 
 
@@ -285,7 +291,7 @@ def plan_runs(
             notes.append(f"Not run, as {scenario} has no such variables: {join_names(missing)}.")
     notes += lacking
     if not runs:
-        raise CommandError(" ".join(notes))
+        raise CommandError(" ".join(["there is nothing to compare.", *notes]))
     notes += dict.fromkeys(
         f"Note: {note}." for group in groups if group.scenario for note in group.scenario.notes
     )
@@ -315,7 +321,10 @@ def _prepare_cases(
     terms: ComparisonTerms,
     progress: Progress,
 ) -> Iterator[tuple[Preparation, ComparisonCase, Mapping[str, Any]]]:
-    """Yield the subsystems of a scenario, each with a case that it can run and the options of the case."""
+    """Yield the subsystems of a scenario, each with a case that it can run and the options of the case.
+
+    Missing FMUs are built. Raises CommandError for a scenario without a joint.
+    """
 
     def prepare(changes: Mapping[str, Any]) -> list[Preparation]:
         """Return the subsystems that have joints, with this controller."""
@@ -356,6 +365,7 @@ def find_independent_subsystems(prepared: Preparation) -> list[Preparation]:
 
 
 def _make_subsystem(prepared: Preparation, branches: set[str]) -> Preparation:
+    """Return what was prepared, reduced to the components of these branches."""
     system = prepared.system
     components = tuple(c for c in system.components if c.branch in branches)
     names = {c.name for c in components}

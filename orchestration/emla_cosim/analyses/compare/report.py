@@ -66,7 +66,10 @@ def build_tables(result: CompareResult) -> list[ReportTable]:
 
 
 def describe_lost_joints(result: CompareResult) -> list[str]:
-    """Return a line for each joint that was not held: with which controller, how often, and why at first."""
+    """Return a line for each joint that was not held: with which controller, how often, and why at first.
+
+    There are none for the table `stability`, whose maps show these joints.
+    """
     if result.table == STABILITY:
         return []  # the maps show these
     several = [name for name in ("scenario", "case") if result.rows[name].n_unique() > 1]
@@ -89,7 +92,7 @@ def _build_header(result: CompareResult, first: str, rows: Sequence[Row]) -> lis
 
 
 def _build_plain(result: CompareResult) -> Iterator[ReportTable]:
-    """Return a table for each joint, with figures in rows and controllers in columns."""
+    """Yield a table for each scenario: a row for each figure of each joint, a column for each controller."""
     for (scenario,), rows in result.group("scenario").items():
         body, lines = list[Sequence[Text | str]](), list[int]()
         for (joint,), group in group_rows(rows, "joint").items():
@@ -160,6 +163,7 @@ def _build_paper(result: CompareResult) -> Iterator[ReportTable]:
 
 
 def _tabulate_cells(rows: Sequence[Row], printed: PrintedTable) -> ReportTable:
+    """Return our figures beside those of the paper: a row for each cell and controller."""
     body, lines = list[Sequence[Text | str]](), list[int]()
     for (scenario, joint), paper in printed.cells.items():
         group = [row for row in rows if (row["scenario"], row["joint"]) == (scenario, joint)]
@@ -183,23 +187,23 @@ def _tabulate_cells(rows: Sequence[Row], printed: PrintedTable) -> ReportTable:
 
 def _tabulate_averages(rows: Sequence[Row], printed: PrintedTable) -> ReportTable:
     """Return ratios of the means over all rows of the table to those of RSBA with its recommended gains."""
-    usual = f"{REFERENCE}/{CONTROLLERS[REFERENCE].recommended}"
+    reference_label = f"{REFERENCE}/{CONTROLLERS[REFERENCE].recommended}"
     by_entrant = {name: [r for r in rows if label_variant(r) == name] for name in map(label_variant, rows)}
-    base = _add_means(by_entrant.get(usual, ()), len(printed.cells))
+    base = _sum_means(by_entrant.get(reference_label, ()), len(printed.cells))
     averages = {f"paper, {c}": cells for c, cells in printed.averages.items()}
     averages |= {
         f"paper, {c}, from its cells": printed.recomputed(c) for c in printed.averages if c != REFERENCE
     }
     body: list[Sequence[Text | str]] = [
-        *([name, *_format_ratios(_add_means(x, len(printed.cells)), base)] for name, x in by_entrant.items()),
+        *([name, *_format_ratios(_sum_means(x, len(printed.cells)), base)] for name, x in by_entrant.items()),
         *([name, *(f"{x:.3f}".rstrip("0").rstrip(".") for x in cells)] for name, cells in averages.items()),
     ]
     header = ["normalised average", *(figure.label for figure in _PRINTED)]
-    under = [f"Averages are ratios of means, ours to {usual}.", *_describe_difference(printed)]
+    under = [f"Averages are ratios of means, ours to {reference_label}.", *_describe_difference(printed)]
     return ReportTable(f"{printed.name}: normalised averages", header, body, under, [len(by_entrant)])
 
 
-def _add_means(rows: Sequence[Row], count: int) -> Cells | None:
+def _sum_means(rows: Sequence[Row], count: int) -> Cells | None:
     """Return sums over `count` joints of means over seeds; None if one was not held or is missing."""
     joints = [SeedStatistics(group) for group in group_rows(rows, "scenario", "joint").values()]
     if len(joints) < count or not all(joint.is_held for joint in joints):
@@ -209,6 +213,7 @@ def _add_means(rows: Sequence[Row], count: int) -> Cells | None:
 
 
 def _format_ratios(means: Cells | None, base: Cells | None) -> list[Text | str]:
+    """Return ratios to `base`; "not held" without means, "none" without a base."""
     if means is None or base is None:
         return [Text("not held", is_failure=True) if means is None else "none"] * len(_PRINTED)
     return [format_rounded(ours / reference) for ours, reference in zip(means, base, strict=True)]

@@ -64,6 +64,7 @@ def _find_tracked(result: Result) -> dict[str, tuple[str, str]]:
 
 
 def _measure_motion(result: Result, joint: str, reference: str) -> dict[str, Any]:
+    """Return the largest speed of the reference, its time, and the motion; empty for a single row."""
     load = find_variable(joint, "F_L", result.names, result.roles)
     names = {"time": "time", "reference": reference, **({"load": load} if load else {})}
     signals = result.read([*names.values()])

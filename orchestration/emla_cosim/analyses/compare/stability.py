@@ -213,7 +213,9 @@ def measure_margins(
             break
         for joint in run.joints:
             _, at = fastest.get((run.scenario, joint), (0.0, None))
-            rows.append(run.labels(joint) | _measure(plan.groups[run.group], joint, at, run.changes["set"]))
+            rows.append(
+                run.labels(joint) | _measure_joint(plan.groups[run.group], joint, at, run.changes["set"])
+            )
         progress.advance(1)
     return polars.DataFrame(rows, schema=dict(COLUMNS), orient="row")
 
@@ -223,9 +225,10 @@ def add_margins(rows: polars.DataFrame, margins: polars.DataFrame | None) -> pol
     return rows if margins is None else rows.join(margins, on=[*LABELS], how="left", maintain_order="left")
 
 
-def _measure(
+def _measure_joint(
     part: Preparation, joint: str, fastest_at: float | None, values: Mapping[str, Any]
 ) -> dict[str, Any]:
+    """Return the margins of all loops of a joint at its fastest motion, or the problem of each loop."""
     delays = {**find_start_values(f"{joint}.plant.inverter.delay", part.system, part.interfaces), **values}
     row: dict[str, Any] = {DELAY: delays.get(f"{joint}.plant.inverter.delay")}
     if fastest_at is None:
@@ -249,7 +252,10 @@ def _measure(
 
 
 def _find_change(responses: Mapping[str, MeasuredResponse | CosimError]) -> float:
-    """Return the relative change of the effect by pulses of another size or a step later."""
+    """Return the largest relative change by pulses of another size or a step later.
+
+    It is infinite if a loop was not measured.
+    """
     return max(
         math.inf if isinstance(response, CosimError) else max(response.drift, response.nonlinearity)
         for response in responses.values()

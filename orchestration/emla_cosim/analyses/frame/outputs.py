@@ -79,7 +79,7 @@ class AnalysisFolder(Folder, Generic[R]):
         report: Whether to write a page.
 
     Raises:
-        CommandError: As `Folder`.
+        CommandError: As `Folder`; or a page needs an extra that is not installed.
     """
 
     lacks_pictures: bool

@@ -139,7 +139,7 @@ def read_plan(
         built_in: Functions that return the text of a plan, by name.
 
     Returns:
-        The fields of the plan by name, and the folder of a file with a plan.
+        The fields of the plan by name, and the folder of a file with a plan; None for any other source.
 
     Raises:
         CommandError: A file cannot be read, or an entry is unknown, missing or wrong.
@@ -150,20 +150,20 @@ def read_plan(
         raise CommandError(f"the plan is {source!r}; it must be a plan or a scenario, by name or file.")
     path, label, table = Path(source), f"the {file_noun} '{source}'", kind.struct()
     if str(source) in built_in:
-        values = _read_table(read_toml(built_in[str(source)](), label), table, label, None)
+        values = _read_plan_fields(read_toml(built_in[str(source)](), label), table, label, None)
         return {"name": str(source), **values}, None
     if path.suffix.lower() == ".toml":
         content = read_toml(read_text(path, "the plan"), f"the plan '{path}'")
         if "vary" in content:
-            return {"name": path.stem, **_read_table(content, table, label, path.parent)}, path.parent
+            return {"name": path.stem, **_read_plan_fields(content, table, label, path.parent)}, path.parent
     name = path.stem if path.suffix else path.name
     return {"name": name, "scenario": source, "where": f"the {noun} of '{source}'"}, None
 
 
-def _read_table(
+def _read_plan_fields(
     content: Mapping[str, Any], table: type[msgspec.Struct], label: str, folder: Path | None
 ) -> dict[str, Any]:
-    """Return the fields that a file has by name, `options` and `where`."""
+    """Return the fields of a plan that a file has, by name, with `options` and `where`."""
     values = list_given(convert_value(content, plan_struct(table), label, folder))
     options = {name: values.pop(name) for name in [*values] if name not in table.__struct_fields__}
     # otherwise it is the name of a scenario that comes with the package
@@ -182,7 +182,7 @@ def load_planned(plan: AnalysisPlan, options: Mapping[str, Any] = MappingProxyTy
 
 def scenario_content(source: Source, options: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the content of a file that runs a scenario with options; None if it is only in Python."""
-    read = _read_scenario_file(source)
+    read = _resolve_scenario(source)
     if read is None:
         return None
     system = read.system if read.system in SYSTEMS else str((read.folder / read.system).resolve())
@@ -206,7 +206,11 @@ def format_scenario(description: str, content: Mapping[str, Any] | None, values:
     return _join_tables({"description": description, **fields, "set": {**fields.get("set", {}), **values}})
 
 
-def _read_scenario_file(source: Source) -> ScenarioFile | None:
+def _resolve_scenario(source: Source) -> ScenarioFile | None:
+    """Return the scenario of a built-in name or a TOML file, or an empty one for another file.
+
+    It is None if the source is an object in memory.
+    """
     if not isinstance(source, (str, Path)):
         return None
     name, path = str(source), Path(source)
@@ -218,6 +222,7 @@ def _read_scenario_file(source: Source) -> ScenarioFile | None:
 
 
 def _is_plain(value: Any) -> bool:
+    """Return whether a value consists of numbers, texts, lists and tables."""
     if isinstance(value, Mapping):
         return all(map(_is_plain, value.values()))
     if isinstance(value, (list, tuple)):
@@ -235,6 +240,7 @@ def _join_tables(content: Mapping[str, Any]) -> str:
 
 
 def _to_toml(value: Any) -> str:
+    """Return a value as TOML; anything but lists, tables and numbers becomes a text."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{json.dumps(k)} = {_to_toml(x)}" for k, x in value.items()) + " }"
     if isinstance(value, (list, tuple)):

@@ -74,8 +74,8 @@ class ReportTable:
     def markdown(self) -> str:
         """Return the table as Markdown."""
         columns = range(len(self.header))
-        texts = [[_mark_cell(cell) for cell in row] for row in self.cells]
-        heads = [_join_lines(head) for head in self.header]
+        texts = [[_cell_to_markdown(cell) for cell in row] for row in self.cells]
+        heads = [_escape_cell(head) for head in self.header]
         width = [max(3, *(len(row[i]) for row in [heads, *texts])) for i in columns]
         rule = ["-" * w if i in self.texts else f"{'-' * (w - 1)}:" for i, w in enumerate(width)]
         rows = [[text.ljust(w) for text, w in zip(row, width, strict=True)] for row in [heads, rule, *texts]]
@@ -123,12 +123,12 @@ class Report:
     sections: Sequence[Section]
 
 
-def _join_lines(text: str) -> str:
+def _escape_cell(text: str) -> str:
     return text.replace("\n", " ").replace("|", "\\|")
 
 
-def _mark_cell(cell: Text) -> str:
-    text = _join_lines(cell.text)
+def _cell_to_markdown(cell: Text) -> str:
+    text = _escape_cell(cell.text)
     return f"**{text}**" if cell.is_best else text
 
 

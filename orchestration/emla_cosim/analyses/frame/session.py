@@ -91,11 +91,11 @@ class Runs:
         self.count += len(jobs)
         outcomes = Outcomes()
 
-        def variant(number: int) -> Variant:
+        def make_variant(number: int) -> Variant:
             job = jobs[number - first]
             return Variant(number, job.options, job.is_halved)
 
-        def keep(chunk: Chunk) -> None:
+        def add_outcomes(chunk: Chunk) -> None:
             outcomes.by_job.update({outcome.number - first: outcome for outcome in chunk.outcomes})
             if chunk.series is not None:
                 series = polars.read_parquet(BytesIO(chunk.series))
@@ -107,7 +107,9 @@ class Runs:
         for position, job in enumerate(jobs):
             by_group[job.group].append(first + position)
         work = [WorkPackage(group, numbers) for group, numbers in by_group.items() if numbers]
-        outcomes.complete = self.executor.run(work, variant, measures, bytes_each, keep, self.interrupted)
+        outcomes.complete = self.executor.run(
+            work, make_variant, measures, bytes_each, add_outcomes, self.interrupted
+        )
         return outcomes
 
 

@@ -176,13 +176,13 @@ def judge(
     if free:
         certain = find_covariance(jacobian[:, free], scores[:, free], score_weights, lengths)
         if change is not None:
-            wider = _widen(jacobian[:, free] / sizes[free], change[:, free] / sizes[free])
+            wider = _find_widening_matrix(jacobian[:, free] / sizes[free], change[:, free] / sizes[free])
             wider = wider * sizes[free] / sizes[free][:, None]
             # derivatives with errors may claim more influence than there is
             certain = wider @ certain @ wider.T
         covariance[np.ix_(free, free)] = certain
         # correlated residuals have less information than their number says
-        independent = max(_count_independent(score_weights, lengths), len(free) + 1.0)
+        independent = max(_count_independent_residuals(score_weights, lengths), len(free) + 1.0)
         # the search may have ended in any dent of this depth; the rest corrects for estimated parameters
         covariance *= (1.0 + 2.0 * cost_tolerance) * independent / (independent - len(free))
         freedom = independent - len(free)
@@ -247,7 +247,7 @@ def find_covariance(
     return bread @ meat @ bread
 
 
-def _widen(scaled: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[np.float64]:
+def _find_widening_matrix(scaled: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the matrix that widens errors where derivatives, each of length 1, are uncertain.
 
     The influence of each principal direction may be smaller by what another step changes in it.
@@ -257,7 +257,7 @@ def _widen(scaled: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[
     return directions.T @ np.diag(1.0 / (1.0 - np.minimum(doubt, _MAX_DOUBT))) @ directions
 
 
-def _count_independent(residuals: Vector, lengths: Sequence[int]) -> float:
+def _count_independent_residuals(residuals: Vector, lengths: Sequence[int]) -> float:
     """Return the number of independent residuals with the information of these, which may be correlated."""
     count = 0.0
     for part in np.split(residuals, np.cumsum(lengths)[:-1]):
@@ -326,7 +326,10 @@ def profile(
 def _minimize_others(
     problem: Problem, fixed: Vector, free: np.ndarray, near: Vector, report: Callable[[int], None]
 ) -> tuple[float | None, Vector]:
-    """Return the smallest sum of squares with one parameter fixed, and the other ones."""
+    """Return the smallest sum of squares with one parameter fixed, and the values of the others there.
+
+    If the run at `near` fails, the sum is None and the values are `near`.
+    """
 
     def insert(part: Vector) -> Vector:
         point = fixed.copy()
@@ -419,6 +422,7 @@ def rank_experiments(task: IdentificationTask, predictor: Predictor) -> list[Can
 def _assess_candidate(
     parameters: Parameters, point: Vector, name: str, jacobian: NDArray[np.float64]
 ) -> Candidate:
+    """Return the information of an experiment; minus infinity if it does not tell the parameters apart."""
     information = jacobian.T @ jacobian
     sign, logarithm = np.linalg.slogdet(information)
     # the inverse of such a matrix is rounding

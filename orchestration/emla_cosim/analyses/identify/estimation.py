@@ -49,7 +49,7 @@ _SETTLED = 0.02
 
 @dataclass
 class Solution:
-    """The best point so far.
+    """A point that a search evaluated.
 
     Attributes:
         point: fractions of the parameters, shape (p,).
@@ -97,8 +97,10 @@ class Estimator:
         solutions = [solution for i, p in enumerate(points) if (solution := self._search(p, i)) is not None]
         if not solutions:
             reasons = sorted(self.problem.predictor.failures, key=self.problem.predictor.failures.__getitem__)
-            raise RunError(f"the runs of all starting points fail: {reasons[-1].rstrip('.')}.")
-        best = self._leave_valleys(min(solutions, key=lambda solution: solution.cost))
+            raise RunError(
+                f"the runs of all starting points fail, most often because: {reasons[-1].rstrip('.')}."
+            )
+        best = self._search_around(min(solutions, key=lambda solution: solution.cost))
         for _ in range(_SIGMA_ROUNDS if free else 0):
             before = dict(self.problem.sigma)
             self._adapt_sigma(best, free)
@@ -106,12 +108,15 @@ class Estimator:
             if all(abs(self.problem.sigma[k] / v - 1.0) < _SETTLED for k, v in before.items()):
                 break
         if free:
-            best = self._leave_valleys(best)
+            best = self._search_around(best)
         # forward differences move the minimum where residuals are large
         return self._search(best.point, -1, central=True) or best
 
     def differentiate(self, solution: Solution) -> tuple[Solution, Derivatives]:
-        """Return a solution and its derivatives; if these need longer steps, search with them again."""
+        """Return a solution and its derivatives.
+
+        If these need longer steps, the problem keeps them, and a search with them improves the solution.
+        """
         slopes = self.problem.differentiate(solution.point)
         if slopes.steps:
             self.problem.fixed_steps = slopes.steps
@@ -119,7 +124,7 @@ class Estimator:
             slopes = self.problem.differentiate(solution.point)
         return solution, slopes
 
-    def _leave_valleys(self, solution: Solution) -> Solution:
+    def _search_around(self, solution: Solution) -> Solution:
         """Return the minimum that searches from better points around a solution find.
 
         A sampled controller and its limits make the cost uneven, and a search ends early in a narrow valley.

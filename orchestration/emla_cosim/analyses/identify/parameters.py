@@ -224,23 +224,26 @@ def resolve_parameters(
     names = [parameter.name for parameter in parameters]
     if twice := [name for name in names if names.count(name) > 1]:
         raise CommandError(f"{plan.where} has the parameter '{twice[0]}' twice; remove one.", name=twice[0])
-    if not any(_is_entry(parameter) for parameter in parameters):
+    if not any(_is_sheet_entry(parameter) for parameter in parameters):
         return Parameters(parameters)
     entries = SheetEntries(plan, preparations)
-    _check_entries(entries, parameters)
+    _check_sheet_entries(entries, parameters)
     return Parameters(parameters, entries)
 
 
-def _is_entry(parameter: Parameter) -> bool:
+def _is_sheet_entry(parameter: Parameter) -> bool:
     return parameter.factor is not None and any(t.kind == SHEET for t in parameter.factor.targets)
 
 
-def _check_entries(entries: SheetEntries, parameters: Sequence[Parameter]) -> None:
-    """Raise CommandError if entries change no start value, one that varies too, or have errors."""
+def _check_sheet_entries(entries: SheetEntries, parameters: Sequence[Parameter]) -> None:
+    """Raise CommandError if an entry changes no start value, or one that varies too.
+
+    Errors of a data sheet are raised only if neither end of the range nor the start gives a valid sheet.
+    """
     plan = entries.plan
-    factors = [p.factor for p in parameters if p.factor is not None and not _is_entry(p)]
+    factors = [p.factor for p in parameters if p.factor is not None and not _is_sheet_entry(p)]
     varied = {target.name for f in factors for target in f.targets}
-    for parameter in filter(_is_entry, parameters):
+    for parameter in filter(_is_sheet_entry, parameters):
         label, factor = f"'{parameter.name}' of {plan.where}", parameter.factor
         assert factor is not None
         for i in range(len(plan.experiments)):
@@ -265,16 +268,25 @@ def _check_entries(entries: SheetEntries, parameters: Sequence[Parameter]) -> No
 
 
 def _build_parameter(factor: Factor, preparation: Preparation, label: str) -> Parameter:
+    """Return the parameter of a factor.
+
+    Raises:
+        CommandError: It is neither an entry of a data sheet nor of Real start values, or has no range.
+    """
     if any(t.kind == SHEET for t in factor.targets):
         ends = _require_range(factor.distribution, label)
-        return _set_start(factor.name, *ends, None, factor.unit, factor=factor)
+        return _make_parameter(factor.name, *ends, None, factor.unit, factor=factor)
     if wrong := [t.name for t in factor.targets if t.kind != START]:
-        raise CommandError(f"{label} cannot be estimated: {wrong[0]} is not a start value.", name=wrong[0])
+        raise CommandError(
+            f"{label} cannot be estimated: {wrong[0]} is not a start value; write COMPONENT.VARIABLE.",
+            name=wrong[0],
+        )
     names = Names(preparation.system, preparation.interfaces)
     for target in factor.targets:
         if (kind := names.find(target.name).variable.type) != "Real":
             raise CommandError(
-                f"{label} cannot be estimated: {target.name} is of the type {kind}.", name=target.name
+                f"{label} cannot be estimated: {target.name} is of the type {kind}, not Real.",
+                name=target.name,
             )
     low, high = sorted(float(factor.value(x)) for x in _require_range(factor.distribution, label))  # type: ignore[arg-type]
     start = None
@@ -282,22 +294,29 @@ def _build_parameter(factor: Factor, preparation: Preparation, label: str) -> Pa
         start = names.find(factor.targets[0].name).start_number
     elif factor.targets[0].nominal is not None:
         start = 1.0
-    return _set_start(factor.name, low, high, start, factor.unit, factor=factor)
+    return _make_parameter(factor.name, low, high, start, factor.unit, factor=factor)
 
 
 def _build_sensor_parameter(
     name: str, sensor: tuple[str, str], value: Any, label: str, measured: Mapping[str, SiUnit | None]
 ) -> Parameter:
+    """Return a parameter of a sensor, which is its kind (offset, gain or delay) and its signal.
+
+    Raises:
+        CommandError: The signal is not measured, or the value is not a range.
+    """
     kind, signal = sensor
     if signal not in measured:
         raise CommandError(f"{label}: {signal} is not measured.", name=signal)
     unit = {"offset": measured[signal], "gain": None, "delay": parse_unit_name("s", label)}[kind]
     distribution = parse_distribution(value, label, lambda text: read_quantity(text, label, unit))
     start = 1.0 if kind == "gain" else 0.0
-    return _set_start(name, *_require_range(distribution, label), start, str(unit or ""), sensor=sensor)
+    return _make_parameter(name, *_require_range(distribution, label), start, str(unit or ""), sensor=sensor)
 
 
-def _set_start(name: str, low: float, high: float, start: float | None, unit: str, **more: Any) -> Parameter:
+def _make_parameter(
+    name: str, low: float, high: float, start: float | None, unit: str, **more: Any
+) -> Parameter:
     """Return a parameter. One whose start is not inside of its range starts in the middle."""
     parameter = Parameter(name, low, high, low, unit, **more)
     is_inside = start is not None and low < start < high
@@ -305,6 +324,7 @@ def _set_start(name: str, low: float, high: float, start: float | None, unit: st
 
 
 def _require_range(distribution: Any, label: str) -> tuple[float, float]:
+    """Return both ends of a uniform range without points; raise CommandError for anything else."""
     if not isinstance(distribution, Uniform) or distribution.points is not None:
         raise CommandError(f"{label} needs a range LOW:HIGH, such as 0.1:10.")
     return float(distribution.low), float(distribution.high)

@@ -103,6 +103,7 @@ class Predictor:
         return [{i: predictions[i, key, is_halved] for i in selected} for key in keys]
 
     def _run(self, missing: Mapping[Task, Vector]) -> dict[Task, Prediction]:
+        """Return a prediction for each task; count failures, and note half steps and lost start values."""
         predictions, tasks = dict[Task, Prediction](), dict[Task, Job]()
         for task, point in missing.items():
             experiment, _, is_halved = task

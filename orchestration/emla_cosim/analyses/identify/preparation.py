@@ -111,13 +111,18 @@ def prepare_task(plan: IdentificationPlan, session: Session[Any]) -> Identificat
 def _limit_samples(
     measured: Sequence[MeasuredSignal], options: Options, label: str
 ) -> tuple[list[MeasuredSignal], list[str]]:
-    """Return the samples during a run, and notes on those outside of it."""
+    """Return the samples during a run, and notes on those outside of it.
+
+    Raises:
+        CommandError: A signal has fewer than two samples during the run.
+    """
     start, stop = options.start_time or 0.0, options.stop_time or 0.0
     inside, notes = [x.between(start, stop) for x in measured], list[str]()
     for signal, part in zip(measured, inside, strict=True):
         if len(part.time) < 2:
             raise CommandError(
-                f"{signal.label} has no samples between {start:g} s and {stop:g} s, the times of {label}."
+                f"{signal.label} has fewer than two samples between {start:g} s and {stop:g} s, the times "
+                f"of {label}."
             )
         if (dropped := len(signal.time) - len(part.time)) > 0:
             notes.append(f"{format_count(dropped, 'sample')} of {signal.label} outside of the run: not used.")
@@ -160,12 +165,13 @@ def _choose_times(
 
 
 def _read_sigma(deviations: Mapping[str, Any], units: Mapping[str, SiUnit | None]) -> dict[str, float]:
+    """Return the standard deviations in the units of their signals; raise CommandError for invalid ones."""
     sigma = {}
     for signal, text in deviations.items():
         label = f"the standard deviation of {signal}"
         value = read_quantity(str(text), label, units[signal])
         if not 0.0 < value < float("inf"):
-            raise CommandError(f"{label} is {text}; it must be positive.", signal=signal)
+            raise CommandError(f"{label} is {text}; it must be positive and finite.", signal=signal)
         sigma[signal] = value
     return sigma
 

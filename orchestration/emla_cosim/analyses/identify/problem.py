@@ -95,15 +95,15 @@ class Problem:
     def residuals(self, points: Sequence[Vector]) -> list[Vector | None]:
         """Return prediction minus measurement at each point in standard deviations; None if a run failed."""
         return [
-            self._weigh(point, predictions)
+            self._weigh_differences(point, predictions)
             for batch in self.predictor.batches(points, self.fitted)
             for point, predictions in zip(batch, self.predictor.predict(batch, self.fitted), strict=True)
         ]
 
-    def halve_step(self, point: Vector) -> Vector | str:
+    def find_halved_step_residuals(self, point: Vector) -> Vector | str:
         """Return the residuals at a point with half the step, or why they cannot be judged."""
         (predictions,) = self.predictor.predict([point], self.fitted, is_halved=True)
-        residuals = self._weigh(point, predictions)
+        residuals = self._weigh_differences(point, predictions)
         if residuals is None:
             return next(reason for reason in predictions.values() if isinstance(reason, str))
         return residuals
@@ -195,7 +195,7 @@ class Problem:
         steps = {i: min(_NEAR * deviation / size, _MAX_STEP) for i, size in enumerate(sizes) if size > 0.0}
         shifts = [(i, step) for i, step in steps.items() if step > _MIN_STEP]
         excess = [
-            0.5 * (_square(values) - _square(residuals + at * matrix[:, i]))
+            0.5 * (_sum_squares(values) - _sum_squares(residuals + at * matrix[:, i]))
             for (i, _), rung in zip(shifts, self._try_steps(point, residuals, shifts), strict=True)
             for at, values in rung.sides
         ]
@@ -233,7 +233,8 @@ class Problem:
             self.steps[i] = float(np.clip(aim / change, *_STEP_LIMITS))
         return (values - other_residuals) / (at - bt)
 
-    def _weigh(self, point: Vector, predictions: Mapping[int, Prediction]) -> Vector | None:
+    def _weigh_differences(self, point: Vector, predictions: Mapping[int, Prediction]) -> Vector | None:
+        """Return the residuals of all fitted experiments in standard deviations; None if a run failed."""
         parts = list[Vector]()
         for i in self.fitted:
             differences = self.differences(point, predictions, i)
@@ -269,7 +270,7 @@ class _StepResponse:
 
 
 def _choose_step(rungs: Sequence[_StepResponse]) -> tuple[Vector, Vector, float]:
-    """Return derivative, its error and its step from steps that become longer."""
+    """Return the most certain derivative, its error and its step; `rungs` have longer and longer steps."""
     changes = [_compute_length(b.slope - a.slope) for a, b in pairwise(rungs)]
     scores = [
         float(np.hypot(c, _compute_length(rung.bend))) / size
@@ -301,5 +302,5 @@ def _compute_length(values: Vector) -> float:
     return float(np.linalg.norm(values))
 
 
-def _square(values: Vector) -> float:
+def _sum_squares(values: Vector) -> float:
     return float(values @ values)

@@ -101,7 +101,11 @@ def read_measurements(
 def _find_columns(
     source: Input, data: LoadedInput, find_signal: FindSignal
 ) -> tuple[dict[str, Column], list[str]]:
-    """Return the columns by signal, and the names of the columns that no signal has."""
+    """Return the columns by signal, and the names of columns that are not signals.
+
+    Raises:
+        CommandError: No column belongs to a signal.
+    """
     columns, idle = dict(source.signals), list[str]()
     for name, column in match_columns(source, data.data, data.time).items():
         if name in columns:

@@ -150,7 +150,7 @@ class _Identification:
     session: Session[IdentificationResult]
     predictor: Predictor
     start_time: float = field(default_factory=time.monotonic)
-    saved: float = 0.0
+    last_save_time: float = 0.0
 
     def __post_init__(self) -> None:
         plan = self.task.plan
@@ -160,6 +160,7 @@ class _Identification:
         self.estimator = Estimator(self.problem, plan.loss, plan.evaluations, self._advance)
 
     def rank(self) -> IdentificationResult:
+        """Return a result with the ranked experiments, and write its files."""
         self.session.progress.begin("ranking", 1)
         candidates = rank_experiments(self.task, self.predictor)
         self.session.progress.advance(1)
@@ -167,6 +168,7 @@ class _Identification:
         return self._build_result(sigma=dict(self.task.sigma), candidates=candidates)
 
     def run(self) -> IdentificationResult:
+        """Return the result, and write its files; after an interrupt it has the best values so far."""
         plan, estimator, problem = self.task.plan, self.estimator, self.problem
         self.session.progress.begin("identifying", plan.starts * plan.evaluations, "evaluations")
         points = draw_starting_points(self._choose_start(), plan.starts, plan.seed)
@@ -222,12 +224,16 @@ class _Identification:
         self.session.progress.advance(count)
         now = time.monotonic()
         # a long search must not lose everything when its process is killed
-        if self.session.path is not None and self.estimator.best is not None and now - self.saved > _SAVE_S:
-            self.saved = now
+        if (
+            self.session.path is not None
+            and self.estimator.best is not None
+            and now - self.last_save_time > _SAVE_S
+        ):
+            self.last_save_time = now
             self._save_unfinished(is_final=False)
 
     def _save_unfinished(self, is_final: bool) -> IdentificationResult:
-        """Return the best values so far as a result, and write its files."""
+        """Return the best values so far as a result, and write its files; RunError if there are none."""
         best = self.estimator.best
         if best is None:
             raise RunError("interrupted before the first evaluation.")
@@ -298,7 +304,7 @@ class _Identification:
         notes = [self.predictor.start_value_remark] if self.predictor.start_value_remark else []
         if failures := self.predictor.failures:
             ((reason, _),) = failures.most_common(1)
-            notes.append(f"{format_count(failures.total(), 'run')} failed, most because: {reason}")
+            notes.append(f"{format_count(failures.total(), 'run')} failed, most often because: {reason}")
         return notes
 
     def _build_result(

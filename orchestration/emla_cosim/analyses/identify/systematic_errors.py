@@ -86,16 +86,16 @@ def judge_estimates(
     )
     notes = _describe_shifts(shifts, parameters, point, moves, assess(residuals))
     shifted = partial(assess, moves=moves)
-    halved = problem.halve_step(point)
+    halved = problem.find_halved_step_residuals(point)
     if isinstance(halved, str):
         return shifted(residuals), [*notes, f"the step is not judged: {halved.rstrip('.')}"]
     # the coarsest step of all experiments decides
     half = max(problem.predictor.half_steps.values(), key=lambda half: half.step)
     arguments = (parameters, point, residuals, halved, slopes.matrix, loss, half)
-    certainty, remarks = _judge_step(*arguments, assess)
+    certainty, remarks = _add_step_changes(*arguments, assess)
     if remarks or not shifts:  # a shift that the step makes is not one of the machine
         return certainty, remarks
-    certainty, remarks = _judge_step(*arguments, shifted)
+    certainty, remarks = _add_step_changes(*arguments, shifted)
     return certainty, [*notes, *remarks]
 
 
@@ -183,7 +183,7 @@ def _describe_shifts(
     ]
 
 
-def _judge_step(
+def _add_step_changes(
     parameters: Parameters,
     point: Vector,
     residuals: Vector,
@@ -224,7 +224,7 @@ def _judge_step(
 def _find_moves(
     residuals: Vector, halved: Vector, jacobian: NDArray[np.float64], loss: str
 ) -> NDArray[np.float64]:
-    """Return how far the minimum moves with half the step."""
+    """Return how far the minimum moves with half the step, as fractions of the ranges, shape (p,)."""
     score_weights, factors = scale_for_loss(loss, residuals)
     # the difference of both gradients: neither search ended exactly at its minimum
     change = scale_for_loss(loss, halved)[0] - score_weights

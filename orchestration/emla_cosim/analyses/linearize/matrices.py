@@ -44,7 +44,7 @@ class ContinuousSystem:
         self._system = simulation.system
         instances = simulation.stepping.algorithm.network.instances
         self._parts = [x for x in instances if isinstance(x, IntegratedInstance)]
-        self._check(len(instances) > len(self._parts))
+        self._check_integration(len(instances) > len(self._parts))
         members = [(p, k, m) for p in self._parts for k, m in enumerate(p.members)]
         self._members = {m.name: (p, k, m) for p, k, m in members}
         self._names = Names(self._system, {m.name: m.file.interface for _, _, m in members})
@@ -52,8 +52,8 @@ class ContinuousSystem:
         self.nominals = np.concatenate([m.read_nominals() for _, _, m in members])
         self.nominals = np.where(self.nominals > 0.0, self.nominals, 1.0)  # FMUs may declare 0
         self.inputs, self.outputs = list(inputs), list(outputs)
-        self._inputs = [self._find(name, is_input=True) for name in inputs]
-        self._outputs = [self._find(name) for name in outputs]
+        self._inputs = [self._find_variable(name, is_input=True) for name in inputs]
+        self._outputs = [self._find_variable(name) for name in outputs]
         self._shifts = np.zeros(len(inputs))
         self._bounds = np.cumsum([len(p.read_states()) for p in self._parts])[:-1]
         if not self.states:
@@ -65,7 +65,7 @@ class ContinuousSystem:
 
     def read_inputs(self) -> Vector:
         """Return the present values of the inputs, with their shifts."""
-        return self._read(self._inputs)
+        return self._read_variables(self._inputs)
 
     def unit(self, name: str) -> str:
         """Return the unit of a state, an input or an output; 1 if it has none."""
@@ -73,7 +73,7 @@ class ContinuousSystem:
         return str(signal.interface.unit(signal.fmu_name) or "1")
 
     def evaluate(self, states: Vector, shifts: Vector) -> tuple[Vector, Vector]:
-        """Return derivatives per s, and outputs.
+        """Return derivatives per s, and outputs. The shifts stay until the next call.
 
         Args:
             states: Values of the states.
@@ -88,7 +88,7 @@ class ContinuousSystem:
         self._shifts = np.array(shifts, dtype=float)
         parts = zip(self._parts, np.split(states, self._bounds), strict=True)
         rates = np.concatenate([part.derivatives(np.ascontiguousarray(x)) for part, x in parts])
-        return rates, self._read(self._outputs)
+        return rates, self._read_variables(self._outputs)
 
     def handle_event(self) -> None:
         """Let all components find their discrete states and relations for the present states."""
@@ -96,7 +96,7 @@ class ContinuousSystem:
             part.handle_event()
 
     def find_discrete_components(self) -> list[str]:
-        """Return the components with time events or discrete Real variables, which the matrices hold."""
+        """Return the components with time events or discrete Reals, which the matrices keep constant."""
         return [
             name
             for name, (_, _, member) in self._members.items()
@@ -107,10 +107,11 @@ class ContinuousSystem:
             )
         ]
 
-    def _read(self, variables: Sequence[_Variable]) -> Vector:
+    def _read_variables(self, variables: Sequence[_Variable]) -> Vector:
         return np.array([float(part.members[k].value(variable)) for part, k, variable in variables])
 
-    def _find(self, name: str, is_input: bool = False) -> _Variable:
+    def _find_variable(self, name: str, is_input: bool = False) -> _Variable:
+        """Return a variable with its instance; CommandError unless it is Real, and an input if it must be."""
         signal = self._names.find(name)
         variable = signal.variable
         part, position, _ = self._members[signal.component.name]
@@ -120,8 +121,11 @@ class ContinuousSystem:
             raise CommandError(f"{name} is not a continuous input.", name=name)
         return part, position, variable
 
-    def _check(self, has_unreachable: bool) -> None:
-        """Raise CommandError if a component has states that cannot be reached, or is integrated apart."""
+    def _check_integration(self, has_unreachable: bool) -> None:
+        """Raise CommandError if states of a component cannot be reached, or components are integrated apart.
+
+        `has_unreachable` tells whether an instance does not run as Model Exchange.
+        """
         part_of = {m.name: p for p in self._parts for m in p.members}
         unreachable = [c.name for c in self._system.components if c.name not in part_of]
         if has_unreachable or unreachable:
@@ -219,17 +223,19 @@ def find_steady_state(system: ContinuousSystem, free: Collection[str]) -> tuple[
     """
     shifts = np.zeros(len(system.inputs))
     for _ in range(_MAX_EVENTS):
-        states, shifts = _solve(system, shifts, free)
+        states, shifts = _solve_steady_state(system, shifts, free)
         system.evaluate(states, shifts)
         system.handle_event()
         handled = system.read_states()
         rates, _ = system.evaluate(handled, shifts)
-        if np.array_equal(handled, states) and not _find_moving(system, states, shifts, rates, free):
+        if np.array_equal(handled, states) and not _list_moving_states(system, states, shifts, rates, free):
             return states, shifts
     raise RunError("there is no steady state: each one found is left by an event.", reason="no steady state")
 
 
-def _solve(system: ContinuousSystem, shifts: Vector, free: Collection[str]) -> tuple[Vector, Vector]:
+def _solve_steady_state(
+    system: ContinuousSystem, shifts: Vector, free: Collection[str]
+) -> tuple[Vector, Vector]:
     """Return steady states and shifts, found from the present states; RunError if none is found."""
     states = system.read_states()
     rates, _ = system.evaluate(states, shifts)
@@ -256,7 +262,7 @@ def _solve(system: ContinuousSystem, shifts: Vector, free: Collection[str]) -> t
         else:
             break
         states, shifts, rates = x, u, new_rates
-    moving = _find_moving(system, states, shifts, rates, free)
+    moving = _list_moving_states(system, states, shifts, rates, free)
     changes = [f"{n} ({rates[system.states.index(n)]:.3g} {system.unit(n)}/s)" for n in moving[:3]]
     raise RunError(
         f"no steady state was found near the operating point: {join_names(changes)} still "
@@ -278,15 +284,17 @@ def _scale_slopes(
     return slopes[:, movable] * sizes[movable], sizes[movable]
 
 
-def _find_moving(
+def _list_moving_states(
     system: ContinuousSystem, states: Vector, shifts: Vector, rates: Vector, free: Collection[str]
 ) -> list[str]:
+    """Return the names of the states whose derivatives are not 0 within the tolerance."""
     slopes, _ = _scale_slopes(system, states, shifts, rates, free)
     moving = np.abs(rates) > _STEADY_TOLERANCE * np.abs(slopes).max(axis=1)
     return [name for name, moves in zip(system.states, moving, strict=True) if moves]
 
 
 def _read_sizes(system: ContinuousSystem, states: Vector) -> Vector:
+    """Return the sizes of states and inputs, to which steps of differences are relative."""
     inputs = system.read_inputs()
     input_sizes = np.where(inputs != 0.0, np.abs(inputs), 1.0)
     return np.concatenate([np.maximum(np.abs(states), system.nominals), input_sizes])

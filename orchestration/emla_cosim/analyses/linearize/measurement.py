@@ -87,8 +87,8 @@ def measure(
         RunError: The system is unstable or not linear here, or the response does not decay.
     """
     resolved = perturbation.resolve(point)
-    reaction = _react(perturbation, resolved, point, amplitude)
-    _check(perturbation, point, reaction)
+    reaction = _find_linear_reaction(perturbation, resolved, point, amplitude)
+    _check_reaction(perturbation, point, reaction)
     integrators = count_integrators(reaction.linear)
     if integrators is None or (integrators and point.is_loop):
         raise RunError(
@@ -117,10 +117,15 @@ def measure(
     return MeasuredResponse(response, reaction.amplitude, reaction.nonlinearity, drift, margins)
 
 
-def _react(
+def _find_linear_reaction(
     perturbation: Perturbation, resolved: ResolvedPoint, point: AnalysisPoint, amplitude: float | None
 ) -> _Reaction:
-    """Return the most linear reaction to pulses of several heights."""
+    """Return the most linear reaction to pulses of several heights.
+
+    Raises:
+        CommandError: The output does not react.
+        RunError: The run fails with each height.
+    """
     scale = perturbation.scale(resolved)
     best: _Reaction | None = None
     failure: RunError | None = None
@@ -159,7 +164,8 @@ def _measure_reaction(perturbation: Perturbation, resolved: ResolvedPoint, heigh
     return _Reaction(height, positive, linear, relative_norm(positive + 2.0 * negative, positive - direct))
 
 
-def _check(perturbation: Perturbation, point: AnalysisPoint, reaction: _Reaction) -> None:
+def _check_reaction(perturbation: Perturbation, point: AnalysisPoint, reaction: _Reaction) -> None:
+    """Raise RunError if the system is unstable or not linear here."""
     at = f"at t = {perturbation.at:g} s"
     if point.is_loop and is_growing(reaction.linear):
         raise RunError(
@@ -220,7 +226,7 @@ def judge_step(
             for point in points:
                 measured = judged_responses[point.label]
                 halved = measure(perturbation, point, measured.amplitude, measured.response.frequency)
-                change = _compare(measured.response, halved.response)
+                change = _find_relative_change(measured.response, halved.response)
                 compared = replace(measured, margins_at_half_step=halved.margins, step_change=change)
                 judged_responses[point.label] = compared
                 subject, change, ratio = _find_worst(compared)
@@ -234,8 +240,8 @@ def judge_step(
     return judged_responses, remarks
 
 
-def _compare(response: FrequencyResponse, halved: FrequencyResponse) -> float:
-    """Return the relative change of a response."""
+def _find_relative_change(response: FrequencyResponse, halved: FrequencyResponse) -> float:
+    """Return the relative change of a response, root mean square up to a tenth of the sample rate."""
     # near half the sample rate, a hold of half the length always changes the response
     slow = response.frequency <= _MAX_FREQUENCY / response.step
     change = np.abs(halved.value - response.value) / np.maximum(np.abs(response.value), 1e-300)

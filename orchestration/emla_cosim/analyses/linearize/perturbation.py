@@ -85,7 +85,7 @@ def parse_opening(system: System, text: str) -> AnalysisPoint:
     Raises:
         CommandError: The text is none of these.
     """
-    joints = _list_joints(system)
+    joints = _list_joints_with_observer(system)
     if "->" not in text and text not in joints:
         hint = f", or a joint: {suggest_names(text, joints)}" if joints else "."
         raise CommandError(f"'{text}' is not a connection; write a.output->b.input{hint}", name=text)
@@ -111,10 +111,10 @@ def parse_opening(system: System, text: str) -> AnalysisPoint:
 
 def choose_openings(system: System) -> list[str]:
     """Return where loops are opened by default: at the current reference of each joint."""
-    return [name_current_path(joint) for joint in _list_joints(system)]
+    return [name_current_path(joint) for joint in _list_joints_with_observer(system)]
 
 
-def _list_joints(system: System) -> list[str]:
+def _list_joints_with_observer(system: System) -> list[str]:
     return [c.branch for c in system.components if c.name == f"{c.branch}.observer"]
 
 
@@ -220,7 +220,7 @@ class Perturbation:
         # back to a sample: a pulse between samples of a controller would not be read
         samples = math.floor((at - times.start) / self.step + ROUNDING)
         self.at = times.point(samples * self._steps)
-        self._advance()
+        self._run_to_operating_point()
         # one FMU that cannot be set back would continue from another time than the rest
         self.rolls_back = all(s.rolls_back for s in algorithm.network.instances)
         self._snapshot = Snapshot(algorithm) if self.rolls_back else None
@@ -264,7 +264,7 @@ class Perturbation:
         """Return the signal at a point without a pulse, shape (count,). Raise RunError if a step fails."""
         # one undisturbed run serves all pulses at a point
         if point not in self._undisturbed:
-            self._undisturbed[point] = self._repeat(point, 0.0, 0)
+            self._undisturbed[point] = self._run_with_pulse(point, 0.0, 0)
         return self._undisturbed[point]
 
     def respond(self, point: ResolvedPoint, amplitude: float, at: int = 0) -> Vector:
@@ -282,18 +282,19 @@ class Perturbation:
             RunError: A step fails.
         """
         undisturbed = self.undisturbed(point)
-        return self._repeat(point, amplitude, at) - undisturbed
+        return self._run_with_pulse(point, amplitude, at) - undisturbed
 
-    def _advance(self) -> None:
+    def _run_to_operating_point(self) -> None:
         self._simulation.advance(self.at)
         check_reached(self._simulation, self.at)
 
-    def _repeat(self, point: ResolvedPoint, amplitude: float, at: int) -> Vector:
+    def _run_with_pulse(self, point: ResolvedPoint, amplitude: float, at: int) -> Vector:
+        """Return the signal at a point during the stretch, with a pulse of this height at sample `at`."""
         if self._snapshot is not None:
             self._snapshot.restore()
         elif self._is_advanced:
             self._simulation.start(recorders=[], **self._options)
-            self._advance()
+            self._run_to_operating_point()
         self._is_advanced = True
         stepping, values = self._stepping, np.empty(self.count)
         network = stepping.algorithm.network

@@ -124,7 +124,9 @@ def linearize(
             start, length = _choose_interval(scenario, at, duration)
             # an offset of 0 is a connection: the pulse needs one to add to
             ends = [
-                Fault(p.input, "offset", start=0.0, value=0.0) for p in points if _is_free(scenario.system, p)
+                Fault(p.input, "offset", start=0.0, value=0.0)
+                for p in points
+                if _is_undriven(scenario.system, p)
             ]
             faults = [*scenario.options.fault, *{f.signal: f for f in ends}.values()]
             with scenario.prepare(session.progress, fault=faults, set=values) as simulation:
@@ -200,6 +202,7 @@ def _to_list(names: str | Sequence[str]) -> list[str]:
 def _list_points(
     system: System, openings: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
 ) -> list[AnalysisPoint]:
+    """Return the points of loops, and of each pair of input and output; CommandError if there are none."""
     if bool(inputs) != bool(outputs):
         raise CommandError(
             "a frequency response needs an input and an output; set both 'perturb' and 'read'."
@@ -240,7 +243,7 @@ def _compute_matrices(
     return LinearizeResult(scenario.name, at, times.step, False, {}, tuple(remarks), state_space, steady)
 
 
-def _is_free(system: System, point: AnalysisPoint) -> bool:
+def _is_undriven(system: System, point: AnalysisPoint) -> bool:
     """Return whether nothing drives the input of an analysis point."""
     component, variable = system.split(point.input)
     input_name = component.alias(variable).variable
@@ -260,9 +263,9 @@ def _choose_interval(scenario: Scenario, at: float | None, duration: float | Non
         )
     if not 0 <= first <= times.steps - count:
         raise CommandError(
-            f"the run is too short: responses from t = {times.point(max(first, 0)):g} s last "
-            f"{count * times.step:g} s, and the run lasts from {times.start:g} s to {times.stop:g} s. Choose "
-            "another time, a shorter duration or a later stop time."
+            f"responses of {count * times.step:g} s from t = {times.start + first * times.step:g} s are not "
+            f"within the run, {times.start:g} s to {times.stop:g} s. Choose another time, a shorter "
+            "duration or a later stop time."
         )
     return times.point(first), count * times.step
 
@@ -276,6 +279,7 @@ def _measure_all(
     amplitude: float | None,
     progress: Progress,
 ) -> LinearizeResult:
+    """Measure the response at each point, also with half the step."""
     with closing(Perturbation(simulation, at, duration)) as perturbation:
         for point in points:
             perturbation.resolve(point)  # report wrong names before anything is measured
@@ -292,6 +296,7 @@ def _measure_all(
 
 
 def _describe_limits(label: str, measured: MeasuredResponse) -> list[str]:
+    """Return remarks on a response without crossover, not linear, or changing with time."""
     remarks = []
     if measured.margins is not None and not measured.margins.has_crossover:
         remarks.append(describe_missing_crossover(label, measured.response))

@@ -113,7 +113,9 @@ def find_data_sheet(scenario: Scenario, source: object, joint: str) -> Actuator:
     actuator = scenario.options.actuator.get(joint)
     if isinstance(actuator, Actuator):
         return actuator
-    joint_file = _find_joint(source, joint) or (load_joint(joint) if joint in list_joint_names() else None)
+    joint_file = _find_joint_file(source, joint) or (
+        load_joint(joint) if joint in list_joint_names() else None
+    )
     if joint_file is None:
         raise CommandError(
             f"{joint} has no data sheet to compare with; add --actuator {joint}=FILE.toml.", joint=joint
@@ -121,7 +123,7 @@ def find_data_sheet(scenario: Scenario, source: object, joint: str) -> Actuator:
     return joint_file.sheet
 
 
-def _find_joint(source: object, joint: str) -> JointFile | None:
+def _find_joint_file(source: object, joint: str) -> JointFile | None:
     """Return the joint of a scenario's machine, or the user's joint file of a scenario, for this joint."""
     if source in BUILT_IN:
         return load_machine_file(str(source)).joints.get(joint)
@@ -137,7 +139,7 @@ def _find_joint(source: object, joint: str) -> JointFile | None:
     system = content.get("system")
     if not isinstance(system, str):
         return None
-    return _find_joint(system if system in BUILT_IN else path.parent / system, joint)
+    return _find_joint_file(system if system in BUILT_IN else path.parent / system, joint)
 
 
 _NEEDED = ("x_L", "v_L", "F_L", "tau_m", "omega_m", "P_el", "i_q", "i_d", "x_c")

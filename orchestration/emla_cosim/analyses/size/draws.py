@@ -82,7 +82,11 @@ class Variation:
 
 
 def _list_ends(distributions: Sequence[Distribution]) -> list[Distribution]:
-    """Return for each distribution a list of its ends; all values of a list of values."""
+    """Return for each distribution a list of its ends; all values of a list of values.
+
+    Raises:
+        CommandError: There are more than `MOST_CORNERS` combinations.
+    """
     lists = [
         d if isinstance(d, ValueList) else ValueList(list(dict.fromkeys(d.ends)), relative=d.relative)
         for d in distributions

@@ -52,6 +52,7 @@ class Examination:
 
 
 def _size_joint(result: Result, joint: str, examination: Examination) -> JointSizing:
+    """Return the sizing of a joint; of one that did not follow its motion, what the motion requires."""
     sheet, criteria = examination.sheets[joint], examination.criteria[joint]
     values, plant = sheet.values, find_plant(joint, result.parameters, sheet.emla, result.roles)
     cycle = read_cycle(result, plant, examination.starts[joint], examination.stop)

@@ -113,7 +113,10 @@ def examine(
     yield _check_entry(values, "brake resistor power", figures.brake_power_mean_W, "inverter.P_brake", "W")
 
 
-def _utilise(name: str, used: float, limit: float, unit: str, factor: float, source: str) -> Utilisation:
+def _make_utilisation(
+    name: str, used: float, limit: float, unit: str, factor: float, source: str
+) -> Utilisation:
+    """Return the use of a limit; `factor` converts both values from SI units to `unit`."""
     return Utilisation(name, factor * used, factor * limit, unit, used / limit, source)
 
 
@@ -123,14 +126,14 @@ def _check_entry(
     """Return the utilisation of a limit that is one entry."""
     if entry not in values:
         return Unexamined(name, entry)
-    return _utilise(name, used, values[entry], unit, factor, entry)
+    return _make_utilisation(name, used, values[entry], unit, factor, entry)
 
 
 def _examine_motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[_Examined]:
     source, limit = min(derived.torques(values), key=lambda torque: torque[1])
     # a motor at its limit hides what the motion requires beyond it
     torque = max(figures.required_torque_peak_N_m, figures.torque_peak_N_m)
-    yield _utilise("peak torque", torque, limit, "N m", 1.0, source)
+    yield _make_utilisation("peak torque", torque, limit, "N m", 1.0, source)
     rms = 1.0 / ROOT_2
     peak, effective = figures.current_peak_A, figures.current_rms_A
     yield _check_entry(values, "motor peak current", peak, "motor.i_max", "A rms", rms)
@@ -148,7 +151,7 @@ def _examine_motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iter
         yield Utilisation("rms torque", figures.torque_rms_N_m, limit, "N m", share, entry)
     # the entry from which u_max follows, in the order in which `derived.voltage` looks for them
     source = next(e for e in ("inverter.U_DC", "inverter.U_supply", "inverter.u_max") if e in values)
-    yield _utilise("voltage", figures.voltage_peak_V, cycle.emla.u_max, "V peak", 1.0, source)
+    yield _make_utilisation("voltage", figures.voltage_peak_V, cycle.emla.u_max, "V peak", 1.0, source)
 
 
 def examine_heat(
@@ -159,7 +162,9 @@ def examine_heat(
     if isinstance(winding, str) or rise is None:
         yield Unexamined("winding temperature", str(winding))
         return
-    yield _utilise("winding temperature rise", rise, winding.permitted_rise, "K", 1.0, winding.source)
+    yield _make_utilisation(
+        "winding temperature rise", rise, winding.permitted_rise, "K", 1.0, winding.source
+    )
     if "thermal.T_max" in values:
         permitted, zero = values["thermal.T_max"] - ambient, 273.15
         share = rise / permitted if permitted > 0.0 else math.inf
@@ -192,15 +197,15 @@ def _examine_screw(values: Values, figures: SizingFigures, life: float | None) -
         turning = TURN * figures.speed_peak_m_s / values["screw.lead"]
         permitted = critical_speed(d_root, length, round(ends))
         source = "screw.d_root, L_free, ends"
-        yield _utilise("screw critical speed", turning, permitted, "rpm", 60.0 / TURN, source)
+        yield _make_utilisation("screw critical speed", turning, permitted, "rpm", 60.0 / TURN, source)
         load = buckling_load(d_root, length, round(ends))
-        yield _utilise("screw buckling", figures.compression_peak_N, load, "kN", 1e-3, source)
+        yield _make_utilisation("screw buckling", figures.compression_peak_N, load, "kN", 1e-3, source)
     if figures.life_s is None:
         yield Unexamined("screw life", "screw.C_a")
     elif life is None:
         yield Unexamined("screw life", "the required life, --life")
     else:
-        yield _utilise("screw life", life, figures.life_s, "h", 1.0 / 3600.0, "--life, screw.C_a")
+        yield _make_utilisation("screw life", life, figures.life_s, "h", 1.0 / 3600.0, "--life, screw.C_a")
 
 
 def link_capacity(values: Values) -> float:

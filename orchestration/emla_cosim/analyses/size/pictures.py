@@ -64,7 +64,8 @@ class _Curves(NamedTuple):
         return self.label or text
 
 
-def _choose_styles(sizings: Sizings) -> list[_Curves]:
+def _make_curves(sizings: Sizings) -> list[_Curves]:
+    """Return the candidates to draw; each of several has one colour."""
     if len(sizings) == 1:
         return [_Curves(sizing, "", RED, BLUE, ORANGE, GREEN) for sizing in sizings.values()]
     drawn = list[_Curves]()
@@ -76,7 +77,7 @@ def _choose_styles(sizings: Sizings) -> list[_Curves]:
 
 def draw_motor(sizings: Sizings) -> "Figure":
     """Draw torque and force over speed, winding temperature, and power."""
-    drawn = _choose_styles(sizings)
+    drawn = _make_curves(sizings)
     figure, axes = new_figure(2, 2, 4.6, 3.3, sharex="none")
     for draw, of in zip((_draw_torque, _draw_force, _draw_temperature, _draw_power), axes.flat, strict=True):
         draw(of, drawn)
@@ -90,9 +91,9 @@ def draw_motion(sizings: Sizings) -> "Figure":
     """Draw position, speed and axial force over the cycle."""
     figure, axes = new_figure(1, 3, 3.0, 2.6, sharex="none")
     legends = [_Legend(panel) for panel in axes[0]]
-    for curves in _choose_styles(sizings):
+    for curves in _make_curves(sizings):
         cycle = curves.sizing.cycle
-        part = _reduce_points(len(cycle.time))
+        part = _select_points(len(cycle.time))
         time = cycle.time[part] - cycle.time[0]
         for legend, values in zip(legends, (1e3 * cycle.x, 1e3 * cycle.v, 1e-3 * cycle.force), strict=True):
             legend.plot(curves.label, time, values[part], color=curves.cycle, linewidth=curves.width)
@@ -103,7 +104,7 @@ def draw_motion(sizings: Sizings) -> "Figure":
 
 def draw_limits(sizings: Sizings) -> "Figure":
     """Draw how much of each limit is used: a bar for each candidate, with the worst draw of tolerances."""
-    drawn = _choose_styles(sizings)
+    drawn = _make_curves(sizings)
     names = list(dict.fromkeys(limit.name for curves in drawn for limit in curves.sizing.limits))
     figure = make_figure(10.0, 0.9 + len(names) * (0.12 + 0.2 * len(drawn)), layout="constrained")
     axes = figure.subplots()
@@ -135,7 +136,7 @@ def draw_limits(sizings: Sizings) -> "Figure":
     return figure
 
 
-def _reduce_points(count: int) -> slice:
+def _select_points(count: int) -> slice:
     return slice(None, None, max(count // _MAX_POINTS, 1))
 
 
@@ -149,7 +150,7 @@ def _draw_torque(axes: "Axes", drawn: list[_Curves]) -> None:
         peak, lasting = peak_torque(cycle.emla, speed), continuous_torque(values, speed)
         y = np.where(beyond, np.nan, peak)
         legend.plot(curves.name("peak torque"), rpm * speed, y, color=curves.limit, **style)
-        part = _reduce_points(len(omega))
+        part = _select_points(len(omega))
         legend.plot("cycle", omega[part], torque[part], color=curves.cycle, linewidth=0.8)
         row = [int(torque.argmax())]  # thinned rows may lack it
         mark = {"color": curves.cycle, "marker": "x", "linestyle": ""}
@@ -178,7 +179,7 @@ def _draw_force(axes: "Axes", drawn: list[_Curves]) -> None:
         y = 1e-3 * np.where(beyond, np.nan, peak_torque(emla, omega) * ratio)
         name = curves.name("force of the peak torque")
         legend.plot(name, 1e3 * speed, y, color=curves.limit, linewidth=curves.width)
-        part = _reduce_points(len(cycle.time))
+        part = _select_points(len(cycle.time))
         x, y = 1e3 * np.abs(cycle.v[part]), 1e-3 * np.abs(cycle.force[part])
         legend.plot("cycle", x, y, color=curves.cycle, linewidth=0.8)
         if (lasting := continuous_torque(curves.sizing.values, omega)) is not None:
@@ -210,7 +211,7 @@ def _draw_temperature(axes: "Axes", drawn: list[_Curves]) -> None:
     for curves in warm:
         rise, winding = curves.sizing.rise, curves.sizing.winding
         assert rise is not None and isinstance(winding, Winding)
-        for name, time, values, dashes in _list_curves(curves.sizing, winding):
+        for name, time, values, dashes in _list_temperature_curves(curves.sizing, winding):
             style = {"color": curves.cycle, "linestyle": dashes, "linewidth": curves.width}
             legend.plot(curves.name(name), factor * time, values, **style)
         highest = float(rise.max())
@@ -225,7 +226,9 @@ def _draw_temperature(axes: "Axes", drawn: list[_Curves]) -> None:
     axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])  # lines at the edge would be cut
 
 
-def _list_curves(sizing: JointSizing, winding: Winding) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
+def _list_temperature_curves(
+    sizing: JointSizing, winding: Winding
+) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
     """Yield name, times in s and rises in K, and style of the curves from cold."""
     cycle, rise, tau = sizing.cycle, np.asarray(sizing.rise), winding.tau_th
     count = max(int(np.ceil(_TIME_CONSTANTS * tau / cycle.duration)), 1)
@@ -234,7 +237,7 @@ def _list_curves(sizing: JointSizing, winding: Winding) -> Iterator[tuple[str, n
     start = float(rise[0])
     local = cycle.time - cycle.time[0]
     if stride == 1:
-        part = _reduce_points(len(local))
+        part = _select_points(len(local))
         time = np.concatenate([local[part] + k * cycle.duration for k in range(count)])
         yield "from cold", time, np.tile(rise[part], count) - start * np.exp(-time / tau), "-"
         return
@@ -252,7 +255,7 @@ def _draw_power(axes: "Axes", drawn: list[_Curves]) -> None:
     legend, right, kilo = _Legend(axes), axes.twinx(), 1e-3
     for curves in drawn:
         cycle, name = curves.sizing.cycle, curves.name("electrical power")
-        part = _reduce_points(len(cycle.time))
+        part = _select_points(len(cycle.time))
         time = cycle.time[part] - cycle.time[0]
         legend.plot(name, time, kilo * cycle.P_el[part], color=curves.cycle, linewidth=curves.width)
         if len(drawn) == 1:

@@ -101,6 +101,7 @@ def _mark(sentence: str, holds: bool | None) -> Text | str:
 
 
 def _list_facts(result: SizeResult) -> Iterator[str]:
+    """Yield for each joint whether it holds, or how many of its candidates do; then the ambient."""
     for joint, sizing in result.joints.items():
         if joint in result.varied:
             verdicts = [candidate.holds for candidate in result.candidates if candidate.joint == joint]
@@ -252,6 +253,7 @@ def _tabulate_candidates(result: SizeResult) -> ReportTable:
 
 
 def _list_cells(candidate: Candidate, joint: str) -> list[str]:
+    """Return the cells of `_USE_HEADER` after the first one for a joint of a candidate."""
     if joint not in candidate.joints:
         return ["cannot be run", *[""] * 6]
     figures, limits = candidate.joints[joint].figures, candidate.joints[joint].limits

@@ -148,6 +148,7 @@ def _has_variation(values: Vector) -> bool:
 
 
 def _to_numbers(column: polars.Series) -> Vector:
+    """Return a column as floats; NaN for missing values and for those beyond `LARGEST`."""
     values = column.cast(polars.Float64, strict=False).to_numpy().astype(float)  # a copy
     values[~(np.abs(values) <= LARGEST)] = np.nan
     return values

@@ -173,6 +173,7 @@ class SweepFolder(AnalysisFolder[SweepResult]):
 
 
 def _tabulate_chunk(chunk: Chunk, measures: Measures) -> polars.DataFrame:
+    """Return a table with a row for each outcome: number, status, problem, end and figures."""
     rows = [(o.number, o.status, o.problem, o.end_s) for o in chunk.outcomes]
     types = {n: polars.Boolean if n in measures.truths else polars.Float64 for n in measures.names}
     columns = [

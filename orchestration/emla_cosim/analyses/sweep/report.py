@@ -140,6 +140,7 @@ def _format_interval(interval: Mapping[str, float], display: MetricDisplay) -> t
 
 
 def _list_sensitivities(result: SweepResult, figure: str) -> list[Section]:
+    """Return a section with sensitivities, or why there are none; empty for samplings without them."""
     tables = {SALTELLI: tabulate_sobol_indices, ONE_AT_A_TIME: tabulate_sensitivities}
     if result.sampling not in tables:
         return []
@@ -225,8 +226,8 @@ def _list_worst_commands(result: SweepResult) -> list[str]:
     return [head, *lines] if lines else []
 
 
-def _write_worst_commands(result: SweepResult) -> str | None:
-    """Return the file with the commands that run the worst variants, if they are long."""
+def _format_worst_commands(result: SweepResult) -> str | None:
+    """Return the content of the file with the commands of the worst variants; None if they are short."""
     lines = _list_worst_commands(result)
     return "\n".join([f"# {lines[0]}", *lines[1:], ""]) if _has_long_commands(lines) else None
 
@@ -256,7 +257,7 @@ OUTPUTS = Outputs[SweepResult](
     subject="sweep",
     name="sweep",
     record=_build_record,
-    tables={TABLE: lambda result: to_parquet(result.variants), _WORST_FILE: _write_worst_commands},
+    tables={TABLE: lambda result: to_parquet(result.variants), _WORST_FILE: _format_worst_commands},
     report=build_report,
     draw=draw_pictures,
     pictures=tuple(f"{kind}.png" for kind in PICTURES),

@@ -136,6 +136,7 @@ def _list_notes(design: Design) -> list[str]:
 
 
 def _list_group_notes(group: VariantGroup) -> Iterator[str]:
+    """Yield notes on the scenario, and on the variants with all factors high, then low."""
     scenario = group.preparation.scenario
     if scenario is None:
         return
@@ -162,7 +163,7 @@ def _run(
     if resume and folder.is_complete:
         return  # nothing is missing, and the files stay as they are
     with session.open_runs([group.preparation for group in design.groups]) as runs:
-        measures, described = _select(design, request, runs)
+        measures, described = _resolve_measures(design, request, runs)
         # before the first run: a full disk after hours loses them
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
         about = design.table().with_columns(
@@ -187,8 +188,14 @@ def _run(
             folder.finish(is_complete, time.monotonic() - start)
 
 
-def _select(design: Design, request: MetricRequest, runs: Runs) -> tuple[Measures, SimulationDescription]:
-    """Return the measures, which all groups must have, and the description of the first group."""
+def _resolve_measures(
+    design: Design, request: MetricRequest, runs: Runs
+) -> tuple[Measures, SimulationDescription]:
+    """Return the measures, and the description of the first group.
+
+    Raises:
+        CommandError: Groups have different measures, or a figure has the name of a factor.
+    """
     plan, descriptions = design.plan, [runs.describe(group) for group in range(len(design.groups))]
     measures, main = list[Measures](), design.groups[0].preparation.system.main_name
     for described in descriptions:

@@ -124,6 +124,7 @@ def _draw_panel(
     values: Vector,
     groups: Sequence[_OutcomeGroup],
 ) -> None:
+    """Draw a figure over a factor: points, and marks at the bottom for variants without the figure."""
     scaled, is_boolean = display_of(result, name).factor * values, is_truth(result, name)
     x, y = _spread_levels(factor, 0), _spread(scaled, 1) if is_boolean else scaled
     # the area of all marks together does not depend on their number
@@ -239,6 +240,7 @@ def _make_shading(values: Vector) -> dict[str, Any]:
 def _draw_cells(
     axes: "Axes", across: FactorColumn, up: FactorColumn, values: Vector, groups: Sequence[_OutcomeGroup]
 ) -> Any:
+    """Draw a cell for each variant of a grid; return the cells that the figure shades, for a colour bar."""
     from matplotlib.colors import ListedColormap
 
     x_levels, x = np.unique(across.values, return_inverse=True)
@@ -264,6 +266,7 @@ def _draw_cells(
 def _draw_points(
     axes: "Axes", across: FactorColumn, up: FactorColumn, values: Vector, groups: Sequence[_OutcomeGroup]
 ) -> Any:
+    """Draw a point for each variant; return the points that the figure shades, for a colour bar."""
     x, y = _spread_levels(across, 0), _spread_levels(up, 1)
     size = float(np.clip(4000.0 / max(len(x), 1), 8.0, 40.0))
     good = next((variants for name, variants, _ in groups if name == DONE), np.zeros(len(x), bool))

@@ -145,15 +145,15 @@ def _compute_indices(values: Vector, seed: int) -> list[Vector]:
     a, b = values[:, 0], values[:, -1]
     rows = list[list[Any]]()
     for ab in values.T[1:-1]:
-        indices = _estimate(a, ab, b)
+        indices = _estimate_indices(a, ab, b)
         # a bootstrap over base samples: the rows of one base sample are not independent
-        resampled = _estimate(a[drawn], ab[drawn], b[drawn])
+        resampled = _estimate_indices(a[drawn], ab[drawn], b[drawn])
         rows.append([x for y, z in zip(indices, resampled, strict=True) for x in (y, z.std(ddof=1))])
     width = ndtri(0.975)
     return list(np.array(rows).T * [[1.0], [width], [1.0], [width]])
 
 
-def _estimate(a: Vector, ab: Vector, b: Vector) -> tuple[Vector, Vector]:
+def _estimate_indices(a: Vector, ab: Vector, b: Vector) -> tuple[Vector, Vector]:
     """Return first-order and total index of a factor from values for A, A with the factor of B, and B.
 
     References:
@@ -255,6 +255,7 @@ def make_statements(result: SweepResult) -> Statements | None:
 
 
 def _compute_intervals(result: SweepResult) -> dict[str, dict[str, dict[str, float]]]:
+    """Return the quantiles of all numeric figures with their intervals, over variants that are done."""
     intervals = dict[str, dict[str, dict[str, float]]]()
     for figure in result.figures:
         values = figure_values(result, figure)

@@ -231,14 +231,15 @@ def load_problem(
     machine_texts = {name: text for name, text in texts.items() if name.partition(".")[0] == _MACHINE}
     if machine_texts:
         changes = {
-            name.partition(".")[2] or FILE: _read_text(name, text) for name, text in machine_texts.items()
+            name.partition(".")[2] or FILE: _parse_override(name, text)
+            for name, text in machine_texts.items()
         }
         numbers = machine.record if FILE not in changes else {}
         machine = read_machine(numbers | changes, Location(label, label).entry(_MACHINE), folder)
     entries = _list_defaults(machine) | {name: x for name, x in table.items() if name != _MACHINE}
     for name, text in texts.items():
         if name not in machine_texts:
-            _override(entries, name, text)
+            _override_entry(entries, name, text)
     return _build_problem(list_given(convert_value(entries, PROBLEM, label, folder)), machine, label)
 
 
@@ -277,12 +278,12 @@ def _list_defaults(machine: ProblemMachine) -> dict[str, Any]:
     }
 
 
-def _override(entries: dict[str, Any], name: str, text: str) -> None:
+def _override_entry(entries: dict[str, Any], name: str, text: str) -> None:
     """Change a value, an element of one, or an entry of a way-point or an obstacle."""
     if item := _ITEM.fullmatch(name):
         key = item["list"]
         entries[key] = _change_item(
-            entries.get(key, ()), item["number"], item["field"], _read_text(name, text), key
+            entries.get(key, ()), item["number"], item["field"], _parse_override(name, text), key
         )
         return
     match = _ELEMENT.fullmatch(name)
@@ -291,7 +292,7 @@ def _override(entries: dict[str, Any], name: str, text: str) -> None:
         if match is not None:
             raise CommandError(f"a problem has no '{name}'; {suggest_names(match['name'], names)}")
         raise CommandError(f"a problem has no '{name}'; write q_E, q_E[3], machine.lift.a or via[1].tip.")
-    field, value = match["name"], _read_text(name, text)
+    field, value = match["name"], _parse_override(name, text)
     if match["element"] is None:
         entries[field] = value
         return
@@ -302,7 +303,7 @@ def _override(entries: dict[str, Any], name: str, text: str) -> None:
         raise CommandError(f"'{name}' = {text}; an element must be one of several numbers.")
     i = int(match["element"]) - 1
     if i >= len(before):
-        raise CommandError(f"a problem has no '{name}'; {field} has {len(before)} numbers.")
+        raise CommandError(f"'{name}' = {text}; the index is too large: {field} has {len(before)} numbers.")
     entries[field] = [*before[:i], value, *before[i + 1 :]]
 
 
@@ -318,7 +319,8 @@ def _change_item(before: Sequence[Any], number: str, field: str, value: Any, nam
     return [*before[:i], {**table, field: value}, *before[i + 1 :]]
 
 
-def _read_text(name: str, text: str) -> Any:
+def _parse_override(name: str, text: str) -> Any:
+    """Return a number or list of numbers; "off", names and files as text."""
     if text == _OFF or name in (_MACHINE, f"{_MACHINE}.{FILE}") or name.endswith("].name"):
         return text
     try:

@@ -114,7 +114,7 @@ def _check_knots(knots: int, degree: int) -> None:
 
 
 def _resolve_contradictions(problem: MotionProblem, reading: EndSpeed) -> MotionProblem:
-    """Return the problem with its end speeds read; raise CommandError if it still contradicts itself."""
+    """Return the problem with this reading of its end speeds; CommandError if it still contradicts itself."""
     read = problem.read_as(reading)
     remaining = read if reading != EndSpeed.EXEMPT else read.read_as(EndSpeed.CLIP)
     if sentences := find_contradictions(remaining):

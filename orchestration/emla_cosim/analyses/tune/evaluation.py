@@ -67,7 +67,9 @@ class Evaluation:
             scores.append(self.task.objective.score(by_case))
         return scores
 
-    def halve_step(self, gains: Mapping[str, Any], seeds: Sequence[int | None]) -> HalvedScore | None:
+    def score_with_half_step(
+        self, gains: Mapping[str, Any], seeds: Sequence[int | None]
+    ) -> HalvedScore | None:
         """Return the score of gains with half the step, without margins of loops; None after an interrupt.
 
         Args:

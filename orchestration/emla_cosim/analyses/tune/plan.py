@@ -129,7 +129,8 @@ class TuningPlan(AnalysisPlan):
         for case in self.cases:
             if not 0 <= case.weight < float("inf"):
                 raise CommandError(
-                    f"the weight of the case '{case.name}' is {case.weight}; it must be 0 or more."
+                    f"the weight of the case '{case.name}' is {case.weight}; it must be a finite "
+                    "number from 0."
                 )
         if not any(case.weight for case in self.cases):
             raise CommandError(f"no case of {self.where} has a weight; set one to a weight above 0.")

@@ -131,6 +131,7 @@ def _tabulate_conditions(result: TuneResult) -> ReportTable:
 
 
 def _format_worst(score: Score | None, case: str, condition: str) -> Text | str:
+    """Return the worst figure of a condition, marked if it violates it; empty if it was not judged."""
     worst: Mapping[str, Any] = {} if score is None else score.worst.get(case, {}).get(condition, {})
     if not worst:
         return ""

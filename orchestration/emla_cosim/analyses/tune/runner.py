@@ -197,6 +197,7 @@ class _Tuning:
     remarks: Sequence[str] = ()
 
     def run(self) -> TuneResult:
+        """Return the result of search and validation, and write its files."""
         plan, space = self.task.plan, self.task.space
         count = 0 if self.task.seeds is None else plan.training + plan.validation
         seeds = draw_seeds(plan.seed, count)
@@ -216,11 +217,14 @@ class _Tuning:
             complete = self._validate(validation)
         # runs that failed have no objective to compare
         if complete and not self.best.training.lost:
-            complete = self._judge_step(training)
+            complete = self._score_half_step(training)
         return self._build_result(complete, is_final=True)
 
     def _search(self, seeds: Sequence[int | None]) -> bool:
-        """Try what the search asks for while evaluations are left; return False after an interrupt."""
+        """Try generations, keep the best gains, and write files; return False after an interrupt.
+
+        It ends before the generation for which too few evaluations are left.
+        """
         plan, space = self.task.plan, self.task.space
         search = Search(space.start_point(), plan.seed)
         generation, remaining = 0, plan.evaluations - 1
@@ -252,9 +256,9 @@ class _Tuning:
         )
         return True
 
-    def _judge_step(self, seeds: Sequence[int | None]) -> bool:
-        """Run the best gains with half the step; return False after an interrupt."""
-        halved = self.evaluation.halve_step({"set": self.best.set}, seeds)
+    def _score_half_step(self, seeds: Sequence[int | None]) -> bool:
+        """Add the score of the best gains with half the step; return False after an interrupt."""
+        halved = self.evaluation.score_with_half_step({"set": self.best.set}, seeds)
         if halved is None:
             return False
         self.best = replace(self.best, half_step=halved.score)
@@ -262,6 +266,7 @@ class _Tuning:
         return True
 
     def _add_rows(self, generation: int, scores: Sequence[tuple[Mapping[str, Value | None], Score]]) -> None:
+        """Add a row for each evaluated set of gains, and report the progress."""
         for values, score in scores:
             before = self.rows[-1]["best"] if self.rows else float("inf")
             objective = score.objective if not score.violation else float("inf")

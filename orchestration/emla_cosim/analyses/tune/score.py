@@ -232,7 +232,7 @@ class _TrackingErrorMetrics(Metrics):
 
 
 def tracking_error(layout: RunLayout) -> Metrics | None:
-    """Return the metrics of all joints of a run; None if it has none."""
+    """Return the metrics that record the tracking error of each joint; None for a run without joints."""
     column = {name: i + 1 for i, name in enumerate(layout.names)}
     columns = {
         joint: (column[position], column[reference])

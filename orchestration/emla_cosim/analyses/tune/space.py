@@ -175,11 +175,11 @@ class Space:
 
 def build_space(plan: TuningPlan, system: System, interfaces: Mapping[str, Interface]) -> Space:
     """Return the space of a plan in a system; raise CommandError for a wrong name or one that cannot vary."""
-    free = [name for name in plan.vary if _is_free(name, plan.vary[name], system)]
+    free = [name for name in plan.vary if _is_auxiliary_name(name, plan.vary[name], system)]
     units = [interface.units for interface in interfaces.values()]
     ranges = {name: _read_range(value, units) for name, value in plan.vary.items() if name not in free}
     factors = resolve_factors(ranges, system, interfaces, plan.where)
-    _check_start_values(factors, plan.where)
+    _require_start_values(factors, plan.where)
     axes = [GainAxis(f.name, f.distribution, f) for f in factors]
     axes += [
         GainAxis(name, parse_distribution(_read_range(plan.vary[name], units), f"'{name}' of {plan.where}"))
@@ -206,15 +206,17 @@ def check_during_a_run(factors: Sequence[Factor], where: str) -> None:
         )
 
 
-def _check_start_values(factors: Sequence[Factor], where: str) -> None:
-    """Raise CommandError for a gain that is an option or an FMU."""
+def _require_start_values(factors: Sequence[Factor], where: str) -> None:
+    """Raise CommandError for a gain that is not a start value, such as an option or an FMU."""
     if wrong := [target.name for factor in factors for target in factor.targets if target.kind != START]:
         raise CommandError(
-            f"'{wrong[0]}' of {where} is not a start value; gains must be start values.", name=wrong[0]
+            f"'{wrong[0]}' of {where} is not a start value; gains must be start values, "
+            "written as COMPONENT.VARIABLE.",
+            name=wrong[0],
         )
 
 
-def _is_free(name: str, entry: Any, system: System) -> bool:
+def _is_auxiliary_name(name: str, entry: Any, system: System) -> bool:
     """Return whether a name in `vary` is neither a target in the system nor an option."""
     is_component = any(c.name == name for c in system.components)
     has_targets = isinstance(entry, Mapping) and "of" in entry
@@ -222,7 +224,7 @@ def _is_free(name: str, entry: Any, system: System) -> bool:
 
 
 def _read_range(entry: Any, units: Sequence[FmuUnits]) -> Any:
-    """Return the range of a gain; LOW:HIGH of positive numbers is logarithmic."""
+    """Return the entry of a gain; a text LOW:HIGH of positive numbers becomes a logarithmic range."""
     if not isinstance(entry, str):
         return entry
     limits = parse_distribution(entry, "the range", lambda text: read_si_number(text, "the range", units))
@@ -238,6 +240,7 @@ def _read_range(entry: Any, units: Sequence[FmuUnits]) -> Any:
 def _derive_gains(
     plan: TuningPlan, axes: Sequence[GainAxis], system: System, interfaces: Mapping[str, Interface]
 ) -> list[tuple[Sequence[Factor], Expression]]:
+    """Return factors and expressions of `derive`; raise CommandError for a value that is set twice."""
     names = [axis.name for axis in axes]
     targets_in_use = {t.name for axis in axes if axis.factor is not None for t in axis.factor.targets}
     derived = list[tuple[Sequence[Factor], Expression]]()
@@ -247,7 +250,7 @@ def _derive_gains(
         if unknown := sorted(expression.names - set(names)):
             raise CommandError(f"{label} uses '{unknown[0]}', which does not vary; use {join_names(names)}.")
         targets = resolve_factors({name: 0.0}, system, interfaces, plan.where)
-        _check_start_values(targets, plan.where)
+        _require_start_values(targets, plan.where)
         if conflicts := targets_in_use & {t.name for f in targets for t in f.targets}:
             raise CommandError(
                 f"{plan.where} sets {min(conflicts)} twice: in 'vary' and in 'derive'.", name=min(conflicts)

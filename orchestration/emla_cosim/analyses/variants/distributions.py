@@ -57,10 +57,10 @@ def parse_distribution(value: Any, where: str, convert: Callable[[str], Any] | N
     if isinstance(value, Distribution):
         return value
     try:
-        kind, entries = _parse(value.strip()) if isinstance(value, str) else _read_table(value)
+        kind, entries = _parse_text(value.strip()) if isinstance(value, str) else _read_table_or_list(value)
         if convert is not None and not entries.get("relative"):
             _check_units(kind, entries, value)
-            converted = _map_values(kind, entries, lambda x: convert(x) if _is_quantity(x) else x)
+            converted = _convert_fields(kind, entries, lambda x: convert(x) if _is_quantity(x) else x)
             entries = {**entries, **converted}
         return _make_distribution(kind, entries)
     except CommandError as error:
@@ -69,10 +69,10 @@ def parse_distribution(value: Any, where: str, convert: Callable[[str], Any] | N
         raise CommandError(f"{where}: {error}", **error.fields) from None
 
 
-def _map_values(
+def _convert_fields(
     kind: type[Distribution], entries: Mapping[str, Any], change: Callable[[Any], Any]
 ) -> dict[str, Any]:
-    """Return the fields in the unit of what varies, changed."""
+    """Return the fields that have the unit of what varies, by name, with `change` applied to their values."""
     if kind is ValueList:
         values = entries.get("values")
         if isinstance(values, str) or not isinstance(values, Sequence):
@@ -95,7 +95,7 @@ def _check_units(kind: type[Distribution], entries: Mapping[str, Any], written: 
             text=written,
         )
     values = list[Any]()
-    _map_values(kind, entries, values.append)
+    _convert_fields(kind, entries, values.append)
     quantities = list(filter(_is_quantity, values))
     bare = [v for v in values if isinstance(v, (int, float)) and v != 0.0]
     if quantities and bare:
@@ -106,7 +106,8 @@ def _is_quantity(value: Any) -> bool:
     return has_unit(value) and not value.rstrip().endswith("%")
 
 
-def _read_table(value: Any) -> _Fields:
+def _read_table_or_list(value: Any) -> _Fields:
+    """Return kind and fields of a table, list, array or number; raise CommandError for anything else."""
     if hasattr(value, "tolist"):
         value = value.tolist()  # NumPy
     match value:
@@ -136,6 +137,7 @@ def _find_kind(name: Any) -> type[Distribution]:
 
 
 def _make_distribution(kind: type[Distribution], entries: Mapping[str, Any]) -> Distribution:
+    """Return a distribution; raise CommandError for an unknown or missing field."""
     allowed = [*_list_positional_fields(kind), "relative"]
     if unknown := [key for key in entries if key not in allowed]:
         raise unknown_entry(kind.noun, unknown[0], allowed)
@@ -149,7 +151,8 @@ def _list_positional_fields(kind: type[Distribution]) -> list[str]:
     return [f.name for f in fields(kind) if not f.kw_only]
 
 
-def _parse(text: str) -> _Fields:
+def _parse_text(text: str) -> _Fields:
+    """Return kind and fields of a short form; raise CommandError for any other text."""
     if match := _CALL.fullmatch(text):
         return _parse_call(_find_kind(match[1]), _split(text, match[2], ",") if match[2].strip() else [])
     if "(" in text or ")" in text:
@@ -211,7 +214,7 @@ def _parse_range(text: str) -> _Fields:
 
 
 def _split(text: str, inner: str, separator: str) -> list[str]:
-    """Split at separators. No part may be empty."""
+    """Return the stripped parts of `inner`; raise CommandError about the whole `text` if one is empty."""
     parts = [part.strip() for part in inner.split(separator)]
     if not all(parts):
         _refuse(text)
@@ -219,6 +222,7 @@ def _split(text: str, inner: str, separator: str) -> list[str]:
 
 
 def _read_value(text: str) -> Value:
+    """Return a Boolean or number; other texts as they are."""
     if text in ("true", "false"):
         return text == "true"
     if _INTEGER.fullmatch(text):

@@ -71,7 +71,7 @@ def assign_value(targets: Sequence[Target], value: Value | None) -> dict[str, An
 
 
 def merge_options(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """Merge the options of several factors for one run."""
+    """Merge options: of values with the same name the last one counts, and tables are merged by key."""
     merged: dict[str, Any] = {}
     for part in parts:
         for name, value in part.items():
@@ -87,6 +87,7 @@ def format_arguments(options: Mapping[str, Any]) -> list[str] | None:
 
 
 def _format_option(option: Option, value: Any) -> list[str] | None:
+    """Return the arguments of an option; empty if it is off, None if only Python has its value."""
     flag = option.flag
     if value is None or (value is False and option.type is not bool):
         return []
@@ -227,7 +228,10 @@ class _FactorResolver:
         return [self._make_factor(self.name, list(unique.values()), entry)]
 
     def _resolve_actuator(self, entry: Any, joints: Sequence[str]) -> Factor:
-        """Return the factor of `actuator[.JOINT]` or `actuator[.JOINT].TABLE.ENTRY`."""
+        """Return the factor of `actuator.JOINT` or `actuator.JOINT.TABLE.ENTRY`.
+
+        JOINT may be left out only if the system has one joint.
+        """
         parts = self.name.split(".")[1:]
         if parts and parts[0] in joints:
             joint, *path = parts

@@ -76,7 +76,7 @@ class Distribution(ABC):
     def _check(self) -> None:
         """Raise CommandError for inconsistent values."""
 
-    def _check_integer(self, value: int) -> None:
+    def _check_integer_size(self, value: int) -> None:
         if abs(value) > 2**53:  # a double holds every integer up to this one
             self.refuse(f"supports integers up to 2^53, {2**53}; {value} is larger.")
 
@@ -128,7 +128,7 @@ class ValueList(Distribution):
             if isinstance(value, float) and not math.isfinite(value):
                 self.refuse(f"holds {value}; its numbers must be finite.", value=value)
             if type(value) is int:
-                self._check_integer(value)
+                self._check_integer_size(value)
             if self.relative and not is_number(value):
                 self.refuse(f"that is relative needs factors; {value!r} is not a number.", value=value)
 
@@ -157,8 +157,8 @@ class Integers(Distribution):
         return count if count <= MOST_LEVELS else None
 
     def _check(self) -> None:
-        self._check_integer(self.low)
-        self._check_integer(self.high)
+        self._check_integer_size(self.low)
+        self._check_integer_size(self.high)
         if self.low > self.high:
             self.refuse(f"needs low <= high; {self.low} to {self.high} is an empty range.")
 

@@ -208,7 +208,9 @@ class Measures:
         figures = list_figures(result.metrics)
         values: dict[str, Any] = {n: figures[n].value if n in figures else None for n in self.figures}
         if self.expressions:
-            values |= _evaluate(self.expressions, polars.DataFrame(result.read([_TIME, *self.read])))
+            values |= _evaluate_expressions(
+                self.expressions, polars.DataFrame(result.read([_TIME, *self.read]))
+            )
         for name, function in self.functions.items():
             try:
                 values[name] = _to_number(function(result))
@@ -262,7 +264,7 @@ def resolve_measures(
     # a function of the user may read any signal
     read = sorted({*recorded, *used, *(signals if request.functions else ())})
     measures = Measures(names, expressions, request.functions, list(recorded), read)
-    trial = _check_expressions(measures, request.expressions, allowed, where)
+    trial = _try_expressions(measures, request.expressions, allowed, where)
     truths = [name for name in names if figures[name].is_boolean]
     return replace(measures, truths=[*truths, *(n for n, value in trial.items() if isinstance(value, bool))])
 
@@ -294,16 +296,16 @@ def _quote_signals(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:
     return re.sub(pattern, quote, text), used
 
 
-def _check_expressions(
+def _try_expressions(
     measures: Measures, as_written: Mapping[str, str], signals: Sequence[str], where: str
 ) -> dict[str, float | bool | None]:
-    """Evaluate all expressions for two rows of zeros. Raise CommandError if one fails."""
+    """Return the values of all expressions for two rows of zeros; raise CommandError if one fails."""
     values: dict[str, float | bool | None] = {}
     # two rows: an expression that does not reduce them to one value shows itself before the first run
     frame = polars.DataFrame({name: [0.0, 0.0] for name in (_TIME, *measures.read)})
     for name, expression in measures.expressions.items():
         try:
-            values |= _evaluate({name: expression}, frame)
+            values |= _evaluate_expressions({name: expression}, frame)
         except MeasureError as error:
             text = as_written[name]
             words = {w for w in re.findall(r"[A-Za-z_][\w.\[\],]*", text) if "." in w and w not in signals}
@@ -313,7 +315,10 @@ def _check_expressions(
     return values
 
 
-def _evaluate(expressions: Mapping[str, str], frame: polars.DataFrame) -> dict[str, float | bool | None]:
+def _evaluate_expressions(
+    expressions: Mapping[str, str], frame: polars.DataFrame
+) -> dict[str, float | bool | None]:
+    """Return the values of SQL expressions over columns; raise MeasureError if one cannot be computed."""
     results = {}
     for name, expression in expressions.items():
         try:

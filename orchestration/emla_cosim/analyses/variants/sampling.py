@@ -39,7 +39,7 @@ def count_variants(method: str, distributions: Sequence[Distribution], runs: int
     Raises:
         CommandError: As for `sample`, except for the seed.
     """
-    return _check_method(method, distributions, runs).count(distributions, runs or 0)
+    return _find_sampling(method, distributions, runs).count(distributions, runs or 0)
 
 
 def sample(method: str, distributions: Sequence[Distribution], runs: int | None, seed: int) -> Columns:
@@ -68,13 +68,14 @@ def sample(method: str, distributions: Sequence[Distribution], runs: int | None,
         CommandError: An argument is invalid, or a distribution has no levels for a grid (its position is in
             the field `index`).
     """
-    sampling = _check_method(method, distributions, runs)
+    sampling = _find_sampling(method, distributions, runs)
     if convert_value(seed, int, "the seed") < 0:
         raise CommandError(f"the seed {seed} must be a whole number from 0.", seed=seed)
     return sampling.draw(distributions, runs or 0, int(seed))
 
 
-def _check_method(method: str, distributions: Sequence[Distribution], runs: Any) -> Sampling:
+def _find_sampling(method: str, distributions: Sequence[Distribution], runs: Any) -> Sampling:
+    """Return a sampling by name; raise CommandError if it cannot draw this number of runs."""
     check_choice("sampling", method, SAMPLINGS)
     sampling = SAMPLINGS[method]
     if not distributions:
@@ -93,11 +94,12 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
     return sampling
 
 
-def _invert(distributions: Sequence[Distribution], quantiles: Vector) -> Columns:
+def _map_quantiles(distributions: Sequence[Distribution], quantiles: Vector) -> Columns:
     return [list(d.at(column)) for d, column in zip(distributions, quantiles.T, strict=True)]
 
 
-def _count_levels(distributions: Sequence[Distribution], _runs: int) -> int:
+def _count_grid_points(distributions: Sequence[Distribution], _runs: int) -> int:
+    """Return the number of combinations; raise CommandError for a distribution without levels."""
     for i, distribution in enumerate(distributions):
         if distribution.level_count is None:
             raise CommandError(
@@ -109,19 +111,19 @@ def _count_levels(distributions: Sequence[Distribution], _runs: int) -> int:
 
 
 def _draw_grid(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
-    _count_levels(distributions, 0)
+    _count_grid_points(distributions, 0)
     rows = list(itertools.product(*(d.levels or () for d in distributions)))
     return [[row[i] for row in rows] for i in range(len(distributions))]
 
 
 def _draw_random(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
-    return _invert(distributions, np.random.default_rng(seed).random((runs, len(distributions))))
+    return _map_quantiles(distributions, np.random.default_rng(seed).random((runs, len(distributions))))
 
 
 def _draw_latin_hypercube(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
     from scipy.stats import qmc  # takes a second, which a grid does not need
 
-    return _invert(distributions, qmc.LatinHypercube(len(distributions), rng=seed).random(runs))
+    return _map_quantiles(distributions, qmc.LatinHypercube(len(distributions), rng=seed).random(runs))
 
 
 def _draw_sobol_points(dimensions: int, runs: int, seed: int) -> Vector:
@@ -132,7 +134,7 @@ def _draw_sobol_points(dimensions: int, runs: int, seed: int) -> Vector:
 
 
 def _draw_sobol(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
-    return _invert(distributions, _draw_sobol_points(len(distributions), runs, seed))
+    return _map_quantiles(distributions, _draw_sobol_points(len(distributions), runs, seed))
 
 
 def _draw_saltelli(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
@@ -143,7 +145,7 @@ def _draw_saltelli(distributions: Sequence[Distribution], runs: int, seed: int) 
         rows[:, 1 + i, i] = base[:, factors + i]
     # the last row is B itself
     rows[:, -1] = base[:, factors:]
-    return _invert(distributions, rows.reshape(-1, factors))
+    return _map_quantiles(distributions, rows.reshape(-1, factors))
 
 
 def _draw_one_at_a_time(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
@@ -155,7 +157,7 @@ def _draw_one_at_a_time(distributions: Sequence[Distribution], _runs: int, _seed
 
 
 SAMPLINGS: dict[str, Sampling] = {
-    "grid": Sampling(_draw_grid, _count_levels, own_size="a grid is as large as its levels make it"),
+    "grid": Sampling(_draw_grid, _count_grid_points, own_size="a grid is as large as its levels make it"),
     "random": Sampling(_draw_random),
     "latin-hypercube": Sampling(_draw_latin_hypercube),
     "sobol": Sampling(_draw_sobol),

@@ -76,7 +76,7 @@ def test_values_with_failing_runs_are_avoided() -> None:
     solved = problem(space, [[measured(TIME, noisy())]], fails)
     solution = search(solved).estimate([np.array([0.2, 0.9]), Parameters(space).start])
     assert Parameters(space).values(solution.point)["b"] == pytest.approx(3.0, rel=0.02)
-    with pytest.raises(RunError, match=r"all starting points fail: the step failed\."):
+    with pytest.raises(RunError, match=r"all starting points fail, most often because: the step failed\."):
         search(solved).estimate([np.array([0.2, 0.9])])
 
 

@@ -88,7 +88,9 @@ def test_invalid_values_of_entries_are_avoided(fmu_folder: Path, scheduler: Clie
     )
     assert result[name].start == pytest.approx(1.2)
     assert result[name].value == pytest.approx(0.8, rel=1e-3)
-    assert any("failed, most because: the actuator with changes cannot be used" in x for x in result.notes)
+    assert any(
+        "failed, most often because: the actuator with changes cannot be used" in x for x in result.notes
+    )
 
 
 DATA = {"time": [0.0, 0.1, 0.2, 0.3], "x": [0.0, 1.0, 2.0, 3.0]}
