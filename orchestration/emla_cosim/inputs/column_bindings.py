@@ -55,6 +55,8 @@ def bind_columns(
 ) -> tuple[list[ColumnBinding], list[str]]:
     """Return the bindings of a table, and the names of its columns that drive nothing.
 
+    The columns of the table get the names of array elements, see `DataTable.match_names`.
+
     Args:
         source: The input.
         data: Its table.
@@ -77,9 +79,9 @@ def bind_columns(
         if name in columns:
             continue
         end = Header(name, name, column.unit).unit_like_end
-        if _is_driven(name, system, names):
+        if _can_be_driven(name, system, names):
             columns[name] = column
-        elif end is not None and _is_driven(end[0], system, names):
+        elif end is not None and _can_be_driven(end[0], system, names):
             signal, unit = end
             raise CommandError(
                 f"the column '{name}' of {data.label} ends like the unit '{unit}'; write its name as "
@@ -173,7 +175,7 @@ def _split_list(
     }
 
 
-def _is_driven(name: str, system: System, names: Names) -> bool:
+def _can_be_driven(name: str, system: System, names: Names) -> bool:
     """Return whether a name is that of a signal that data can drive."""
     variable = names.get(name)
     if variable is None or variable.variable.type not in TYPES:
@@ -187,6 +189,7 @@ def _is_connected(output: NamedVariable, system: System) -> bool:
 
 
 def _explain_unmatched(columns: Sequence[str], names: Names) -> str:
+    """Return the end of a message on columns that drive nothing: their names, and what to do."""
     signals = [n for n, v in names.all.items() if v.variable.causality in ("input", "output")]
     # of the first columns only: each comparison with all signals takes time
     near = [s for name in columns[:20] for s in difflib.get_close_matches(name, signals, n=1, cutoff=0.6)]
@@ -203,6 +206,7 @@ def _explain_unmatched(columns: Sequence[str], names: Names) -> str:
 def _bind_column(
     source: Input, signal: str, column: Column, data: DataTable, system: System, names: Names
 ) -> ColumnBinding:
+    """Return the binding of a column to a signal; raise CommandError if data cannot drive it like this."""
     position, column = find_column(source, data, column)
     target = names.find(signal)
     variable, interface, name = target.variable, target.interface, target.fmu_name

@@ -204,8 +204,8 @@ def find_layout(content: bytes) -> CsvLayout | None:
         return None
     for row in range(1, len(lines)):
         for delimiter in DELIMITERS:
-            cells = _split(lines[row].text, delimiter)
-            if len(cells) > 1 and _is_row(cells):
+            cells = _split_and_strip(lines[row].text, delimiter)
+            if len(cells) > 1 and _is_number_row(cells):
                 return _find_layout_above(lines, row, delimiter, cells) or _find_first_line_layout(lines)
     return _find_first_line_layout(lines)
 
@@ -222,7 +222,7 @@ def find_result_layout(content: bytes) -> CsvLayout | None:
     names = _split_cells(lines[0].text, ",") if lines else []
     if len(names) < 2:
         return None
-    first = _split(lines[1].text, ",") if len(lines) > 1 else ()
+    first = _split_and_strip(lines[1].text, ",") if len(lines) > 1 else ()
     return CsvLayout(names, (), first, ",", lines[0].end)
 
 
@@ -248,9 +248,9 @@ def _find_first_line_layout(lines: Sequence[_Line]) -> CsvLayout:
     """Return the layout of a text whose first line is the header."""
     header = lines[0].text
     delimiter = next((d for d in DELIMITERS if d in header), DELIMITERS[-1])
-    names, units, end = _split(header, delimiter), list[str](), lines[0].end
-    rows = [_split(line.text, delimiter) for line in lines[1:3]]
-    if rows and len(rows[0]) == len(names) and _is_units(rows[0]):
+    names, units, end = _split_and_strip(header, delimiter), list[str](), lines[0].end
+    rows = [_split_and_strip(line.text, delimiter) for line in lines[1:3]]
+    if rows and len(rows[0]) == len(names) and _is_unit_row(rows[0]):
         units, end, rows = rows[0], lines[1].end, rows[1:]
     return CsvLayout(names, units, rows[0] if rows else (), delimiter, end)
 
@@ -261,7 +261,7 @@ def _find_layout_above(
     """Return the layout whose first row of numbers is this one; None if there is no header above it."""
     above = []
     while len(above) < row:
-        cells = _split(lines[row - len(above) - 1].text, delimiter)
+        cells = _split_and_strip(lines[row - len(above) - 1].text, delimiter)
         if len(cells) != len(first) or any(NUMBER.fullmatch(c) or is_clock(c) for c in cells):
             break
         above.append(cells)
@@ -269,21 +269,21 @@ def _find_layout_above(
         return None
     names = [name for group in TIME_NAMES for name in group]
     times = [i for i, cells in enumerate(above) if any(is_time_name(Header.of(c), names) for c in cells)]
-    header = times[0] if len(times) == 1 else int(len(above) > 1 and _is_units(above[0]))
-    has_units = header > 0 and _is_units(above[header - 1])
+    header = times[0] if len(times) == 1 else int(len(above) > 1 and _is_unit_row(above[0]))
+    has_units = header > 0 and _is_unit_row(above[header - 1])
     units = above[header - 1] if has_units else ()
     end, skipped = lines[row - 1].end, row - 1 - header
     return CsvLayout(above[header], units, first, delimiter, end, skipped, header - has_units)
 
 
-def _is_row(cells: Sequence[str]) -> bool:
+def _is_number_row(cells: Sequence[str]) -> bool:
     """Return whether cells are those of a row of numbers, of which some may be missing."""
     return bool(cells[0] or cells[1]) and all(
         NUMBER.fullmatch(c) or c.lower() in _WORDS or is_clock(c) or is_list(c) for c in cells
     )
 
 
-def _is_units(cells: Sequence[str]) -> bool:
+def _is_unit_row(cells: Sequence[str]) -> bool:
     """Return whether cells are those of a row of units: at least one is, and none is a number."""
     bare = [bare_unit(c) for c in cells]
     # a letter or a sign of a unit: "1" and "-" are units of numbers without one, but also data
@@ -292,11 +292,12 @@ def _is_units(cells: Sequence[str]) -> bool:
     )
 
 
-def _split(line: str, delimiter: str) -> list[str]:
+def _split_and_strip(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in _split_cells(line, delimiter, skips_blanks=True)]
 
 
 def _split_cells(line: str, delimiter: str, skips_blanks: bool = False) -> list[str]:
+    """Return the cells of a line; none if it cannot be parsed."""
     try:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=skips_blanks), [])
     except csv.Error:  # a cell of more than 128 KiB, or a line end without quotes
@@ -308,10 +309,10 @@ def _read_first_lines(content: bytes) -> list[_Line]:
     lines: list[_Line] = []
     begin = 0
     while begin < len(content) and len(lines) < _SEARCHED:
-        end = _end_of_line(content, begin)
+        end = _find_end_of_line(content, begin)
         line = content[begin:end]
         # an odd number of quotes: a name with a line break, or inches
-        if line.count(b'"') % 2 and (last := _end_of_quotes(content, begin)):
+        if line.count(b'"') % 2 and (last := _find_end_of_quotes(content, begin)):
             end, line = last, content[begin:last]
         if line.strip() and not line.startswith(b"#"):
             lines.append(_Line(line.rstrip(b"\r\n").decode(), end))
@@ -319,15 +320,15 @@ def _read_first_lines(content: bytes) -> list[_Line]:
     return lines
 
 
-def _end_of_line(content: bytes, begin: int) -> int:
+def _find_end_of_line(content: bytes, begin: int) -> int:
     return content.find(b"\n", begin) + 1 or len(content)
 
 
-def _end_of_quotes(content: bytes, begin: int) -> int | None:
+def _find_end_of_quotes(content: bytes, begin: int) -> int | None:
     """Return the end of the line in which quotes end, None if they do not: they may be inches."""
     end = begin
     for _ in range(_QUOTED):
-        end = _end_of_line(content, end)
+        end = _find_end_of_line(content, end)
         if content[begin:end].count(b'"') % 2 == 0:
             return end
     return None

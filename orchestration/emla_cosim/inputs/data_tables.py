@@ -198,9 +198,10 @@ class DataTable:
         if not fits.all():
             row, header = int(np.argmin(fits)) + 1, self.headers[position].text
             article = "an" if type_.kind[0] in "EI" else "a"
+            bounds = f" from {low:.0f} to {high:.0f}" if type_.kind == "Integer" and high < np.inf else ""
             raise CommandError(
                 f"{self.label} has {numbers[row - 1]:g} in row {row} of the column '{header}', which is not "
-                f"{article} {type_.kind}.",
+                f"{article} {type_.kind}{bounds}.",
                 row=row,
                 column=header,
             )

@@ -67,7 +67,7 @@ class Header:
         return None
 
     def check_unit_like_end(self, target: SiUnit | None, label: str, signal: str, declare: str) -> None:
-        """Refuse a header without a unit whose end is one of the quantity, but not its unit.
+        """Raise CommandError for a header without a unit whose end is another unit of the same quantity.
 
         Args:
             target: The unit of the quantity.

@@ -49,7 +49,7 @@ def is_data(text: str) -> bool:
 
 
 def _split_parts(text: str) -> re.Match[str] | None:
-    """Match the file of an input and the text after it."""
+    """Return a match with the `file` of an input and the `rest` of the text; None without such a file."""
     endings = "|".join(map(re.escape, table_endings()))
     return re.fullmatch(rf"(?P<file>.+?(?:{endings}))(?::(?P<rest>.*))?", text, re.IGNORECASE | re.DOTALL)
 
@@ -198,7 +198,7 @@ class Input(FileOrObject):
         return times + shift.in_unit(find_unit("s"), f"the shift of {self.label}")
 
     def within(self, folder: Path) -> "Input":
-        """Return the input with its path relative to a folder."""
+        """Return the input with its file in a folder; that of an absolute path stays."""
         return self if self.file is None else dataclasses.replace(self, file=folder / self.file)
 
     @property
@@ -212,7 +212,7 @@ class Input(FileOrObject):
         if self.file is None:
             return False
         read = Input.of_text(str(self))
-        return (read.file, read._format_settings()) == (self.file, self._format_settings())
+        return (read.file, read._list_settings()) == (self.file, self._list_settings())
 
     def __str__(self) -> str:
         settings = {name: getattr(self, name) for name in _SETTINGS}
@@ -221,17 +221,17 @@ class Input(FileOrObject):
         return f"{self.file}:{','.join(parts)}" if parts else str(self.file)
 
     def record(self) -> dict[str, Any]:
-        """Return the entry of run.json, with the SHA-256 of the file; None if it cannot be read."""
+        """Return the entry of run.json; its SHA-256 is None if the file cannot be read."""
         if self.file is None:
-            return {"data": "given in Python", **self._format_settings()}
-        return {"file": str(self.file), "sha256": hash_if_readable(self.file), **self._format_settings()}
+            return {"data": "given in Python", **self._list_settings()}
+        return {"file": str(self.file), "sha256": hash_if_readable(self.file), **self._list_settings()}
 
     def repeatable(self) -> dict[str, Any] | None:
         """Return the value of the option that repeats the input; None for data in Python."""
-        return None if self.file is None else {"file": str(self.file), **self._format_settings()}
+        return None if self.file is None else {"file": str(self.file), **self._list_settings()}
 
-    def _format_settings(self) -> dict[str, Any]:
-        """Return its settings, without the data."""
+    def _list_settings(self) -> dict[str, Any]:
+        """Return signals, columns and settings as plain data by name, without the data."""
         signals = {s: str(c) for s, c in self.signals.items()}
         settings = {n: getattr(self, n) for n in _SETTINGS if n != "shift" or self.shift is not None}
         return {"signals": signals, "columns": list(self.columns), **settings}

@@ -52,10 +52,10 @@ def read_times(
     Raises:
         CommandError: If there is no such column, or the times decrease.
     """
-    position = _find_column(table, column)
+    position = _find_time_column(table, column)
     times = _read_clock_times(table, position)
     if times is None:
-        times = _read_numbers(table, position, column, start, is_raw)
+        times = _read_number_times(table, position, column, start, is_raw)
     if len(times) < least:
         raise CommandError(f"{table.label} has {'fewer than two' if least > 1 else 'no'} rows.")
     if len(times):
@@ -63,7 +63,8 @@ def read_times(
     return position, times
 
 
-def _find_column(table: DataTable, column: str | None) -> int:
+def _find_time_column(table: DataTable, column: str | None) -> int:
+    """Return the position of the column of times; raise CommandError if it is not exactly one."""
     if column is not None:
         for name in (column, Header.of(column).name):
             if (position := table.find(name)) is not None:
@@ -96,7 +97,9 @@ def _read_clock_times(table: DataTable, position: int) -> Vector | None:
     return times
 
 
-def _read_numbers(table: DataTable, position: int, column: str | None, start: float, is_raw: bool) -> Vector:
+def _read_number_times(
+    table: DataTable, position: int, column: str | None, start: float, is_raw: bool
+) -> Vector:
     """Return the times of a column of numbers in s."""
     header = table.headers[position]
     declared = Header.of(column).unit if column is not None and column != header.text else None
@@ -115,7 +118,7 @@ def _read_numbers(table: DataTable, position: int, column: str | None, start: fl
 
 
 def _check_order(table: DataTable, times: Vector, least: int) -> None:
-    """Raise CommandError for times that decrease, or all of which are equal although two are needed."""
+    """Raise CommandError for times that decrease, are too large, or are all equal although two are needed."""
     if max(abs(times[0]), abs(times[-1])) > _LATEST:
         raise CommandError(f"{table.label} has times beyond {_LATEST:g} s.")
     if (back := np.flatnonzero(~(np.diff(times) >= 0.0))).size:

@@ -48,7 +48,7 @@ def is_measurement_file(content: bytes) -> bool:
 
 
 def read_groups(file: Path, content: bytes, label: str) -> list[ChannelGroup]:
-    """Return the groups of a measurement file that have channels of numbers.
+    """Return the groups of a measurement file; of an MDF file those that were sampled over time.
 
     Args:
         file: The file.
@@ -64,7 +64,7 @@ def read_groups(file: Path, content: bytes, label: str) -> list[ChannelGroup]:
 
 
 def choose_group(groups: Sequence[ChannelGroup], names: Sequence[str], label: str) -> ChannelGroup:
-    """Return the only group that has channels of all these names.
+    """Return the group that has channels of all these names; a single group in any case.
 
     Args:
         groups: The groups.
@@ -78,8 +78,8 @@ def choose_group(groups: Sequence[ChannelGroup], names: Sequence[str], label: st
         return groups[0]
     if not groups:
         raise CommandError(f"{label} has no channels with numbers.")
-    present = [a for a in names if any(_has(group, a) for group in groups)]
-    matches = [group for group in groups if present and all(_has(group, a) for a in present)]
+    present = [a for a in names if any(_has_channel(group, a) for group in groups)]
+    matches = [group for group in groups if present and all(_has_channel(group, a) for a in present)]
     if len(matches) == 1:
         return matches[0]
     listed = join_names([f"'{g.name}'" for g in groups[:8]])
@@ -99,11 +99,12 @@ def choose_group(groups: Sequence[ChannelGroup], names: Sequence[str], label: st
     )
 
 
-def _has(group: ChannelGroup, name: str) -> bool:
+def _has_channel(group: ChannelGroup, name: str) -> bool:
     return any(c.name == name or matches_pattern(c.name, name) for c in group.channels)
 
 
 def _read_mdf(file: Path) -> list[ChannelGroup]:
+    """Return the groups sampled over time, each with a channel of its times; the file stays open."""
     from asammdf import MDF
 
     groups = []
@@ -128,6 +129,7 @@ def _read_mdf(file: Path) -> list[ChannelGroup]:
 
 
 def _read_tdms(file: Path) -> list[ChannelGroup]:
+    """Return the groups that have channels; one of times comes first where a channel has a time track."""
     from nptdms import TdmsFile
 
     def read(channel: Any) -> tuple[np.ndarray, np.ndarray | None]:

@@ -136,7 +136,7 @@ def open_stored_run(folder: Path, subject: str = _REFERENCE, start: float = 0.0)
 
 
 def _is_unfinished(folder: Path) -> bool:
-    """Return whether run.json says so."""
+    """Return whether the run.json in a folder says that its run has not finished."""
     try:
         record = json.loads((folder / "run.json").read_bytes())
     except (OSError, ValueError, RecursionError):  # a table without a readable record is complete

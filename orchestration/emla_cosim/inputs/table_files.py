@@ -46,14 +46,14 @@ def read_table(file: Path, subject: str, columns: Sequence[str] = (), is_result:
     if (form := format_of(file)) not in ("csv", "parquet"):
         return _read_registered(label, form, file)
     if is_measurement_file(begin):  # those can be larger than the memory
-        groups = readable(label, lambda: read_groups(file, begin, label))
+        groups = call_reader(label, lambda: read_groups(file, begin, label))
         return _read_measurement(label, choose_group(groups, columns, label))
     if begin.startswith(_PARQUET) or file.suffix.lower() == ".parquet":
         return _read_parquet(label, file, is_result)
     return _read_csv(label, read_file(file, subject), is_result)
 
 
-def readable(label: str, read: Callable[[], _T]) -> _T:
+def call_reader(label: str, read: Callable[[], _T]) -> _T:
     """Return the result of `read`. Turn all its errors into a CommandError that begins with `label`."""
     try:
         return read()
@@ -114,7 +114,7 @@ def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
                 return [polars.Series(dtype=kind) for _ in positions]
             except polars.exceptions.PolarsError as error:
                 first_error = error
-        raise CommandError(f"{label} {_find_wrong_row(rows, layout)}.") from first_error
+        raise CommandError(f"{label} {_describe_wrong_row(rows, layout)}.") from first_error
 
     first = dict(enumerate(layout.first)) if len(layout.first) == len(names) else {}
     lists = {i: len(cell.split()) for i, cell in first.items() if is_list(cell)}
@@ -176,8 +176,8 @@ def _find_kind(cell: str) -> str | None:
     return None if is_number or not cell else "String"
 
 
-def _find_wrong_row(content: bytes, layout: CsvLayout) -> str:
-    """Return why a text cannot be read as a table."""
+def _describe_wrong_row(content: bytes, layout: CsvLayout) -> str:
+    """Return why a text cannot be read as a table, as a phrase that follows its label."""
     lines = io.StringIO(content.decode())
     rows = (line for line in lines if line.strip() and not line.startswith("#"))
     for number, row in enumerate(csv.reader(rows, delimiter=layout.delimiter), 1):
@@ -221,11 +221,11 @@ def _read_parquet(label: str, file: Path, is_result: bool) -> DataTable:
 def _read_registered(label: str, form: str, file: Path) -> DataTable:
     """Return a file in a registered format of `TABLES` other than CSV and Parquet."""
     table = TABLES[form](file)
-    readable(label, table.open)
+    call_reader(label, table.open)
     names = list(table.names)
 
     def read(positions: Sequence[int], _: bool) -> Sequence[polars.Series]:
-        columns = readable(label, lambda: table.read([names[p] for p in positions]))
+        columns = call_reader(label, lambda: table.read([names[p] for p in positions]))
         return [polars.Series(columns[names[p]]) for p in positions]
 
     return DataTable(label, [Header.of(name) for name in names], read, types=table.types)
@@ -258,7 +258,7 @@ def _convert_array(label: str, name: str, column: np.ndarray) -> polars.Series:
     try:
         return polars.Series(np.asarray(column, dtype=np.float64))
     except (TypeError, ValueError) as error:
-        raise CommandError(f"the column '{name}' of {label} must be of numbers.") from error
+        raise CommandError(f"the column '{name}' of {label} must be of numbers, texts or times.") from error
 
 
 def _read_measurement(label: str, group: ChannelGroup) -> DataTable:
@@ -268,7 +268,7 @@ def _read_measurement(label: str, group: ChannelGroup) -> DataTable:
     @cache
     def group_times() -> np.ndarray:
         has_times = channels[0].name == TIME
-        return readable(f"the times of {label}", channels[0].read)[0] if has_times else np.empty(0)
+        return call_reader(f"the times of {label}", channels[0].read)[0] if has_times else np.empty(0)
 
     def read_channel(position: int) -> polars.Series:
         """Return a channel. Raise CommandError if it was not sampled at the times of its group."""
@@ -276,7 +276,7 @@ def _read_measurement(label: str, group: ChannelGroup) -> DataTable:
         if position == 0 and channel.name == TIME:
             values, sampled = group_times(), None
         else:
-            values, sampled = readable(f"the channel '{channel.name}' of {label}", channel.read)
+            values, sampled = call_reader(f"the channel '{channel.name}' of {label}", channel.read)
         if values.ndim != 1 or values.dtype.kind not in "biufmM":
             raise CommandError(f"the column '{channel.name}' of {label} is not of numbers.")
         if sampled is not None and not np.array_equal(sampled, group_times()):

@@ -60,8 +60,8 @@ def build_cached_fmu(
     # by the numbers, not by the file: a changed comment or name must not build it again
     for numbers in (content.times, *(c.values for c in content.columns)):
         digest.update(numbers.tobytes())
-    path = _make_folder() / digest.hexdigest()[:24] / "DataTable.fmu"
-    return path if path.is_file() else _build(content, path, platforms, table.source.label)
+    path = _get_fmu_folder() / digest.hexdigest()[:24] / "DataTable.fmu"
+    return path if path.is_file() else _build_fmu(content, path, platforms, table.source.label)
 
 
 def data_fmu_path(text: str, folder: Path) -> Path:
@@ -114,7 +114,7 @@ def build_data_fmu(
         names = join_names(texts[:8])
         notes.append(f"{table.source.label} has columns of texts, which are left out: {names}.")
     content = replace(_make_content(table, bindings), name=path.stem, fmi=fmi)
-    return _build(content, path, platforms, table.source.label), notes
+    return _build_fmu(content, path, platforms, table.source.label), notes
 
 
 def _bind_output(name: str, column: Column, table: LoadedInput) -> ColumnBinding:
@@ -131,7 +131,11 @@ def _bind_output(name: str, column: Column, table: LoadedInput) -> ColumnBinding
 
 
 def _make_content(table: LoadedInput, driven: Sequence[tuple[ColumnBinding, str]]) -> TableContent:
-    """Return the columns and outputs of an FMU; bindings of one column share it."""
+    """Return the columns and outputs of an FMU; bindings of one column share it.
+
+    Raises:
+        CommandError: A value is not one of the type of its signal, or too large.
+    """
     columns: dict[tuple[int, str, str], TableColumn] = {}
     outputs = []
     table.data.load([binding.column for binding, _ in driven if binding.type.kind == "Real"])
@@ -142,7 +146,7 @@ def _make_content(table: LoadedInput, driven: Sequence[tuple[ColumnBinding, str]
         if key not in columns:
             values = table.data.values(binding.column, binding.type, limits=_INTEGERS)
             columns[key] = TableColumn(values, interpolation)
-        _check_size(table.data, binding, columns[key].values)
+        _check_magnitudes(table.data, binding, columns[key].values)
         outputs.append(
             TableOutput(
                 output,
@@ -159,7 +163,8 @@ def _make_content(table: LoadedInput, driven: Sequence[tuple[ColumnBinding, str]
     return TableContent(table.times, list(columns.values()), outputs, table.source.end)
 
 
-def _build(content: TableContent, path: Path, platforms: Sequence[str], label: str) -> Path:
+def _build_fmu(content: TableContent, path: Path, platforms: Sequence[str], label: str) -> Path:
+    """Return the path of the FMU that was built; raise RunError if this fails."""
     from fmublock.table import build_table  # slow to import, and few runs need it
 
     try:
@@ -171,6 +176,7 @@ def _build(content: TableContent, path: Path, platforms: Sequence[str], label: s
 
 
 def _is_table_fmu(path: Path) -> bool:
+    """Return whether the file is an FMU of a table."""
     try:
         with zipfile.ZipFile(path) as archive:
             return _DATA in archive.namelist()
@@ -178,7 +184,7 @@ def _is_table_fmu(path: Path) -> bool:
         return False
 
 
-def _check_size(data: DataTable, binding: ColumnBinding, values: Vector) -> None:
+def _check_magnitudes(data: DataTable, binding: ColumnBinding, values: Vector) -> None:
     """Raise CommandError for values so large that arithmetic could overflow."""
     unit = binding.transformation
     with np.errstate(over="ignore"):
@@ -197,7 +203,7 @@ _fmu_folders = ExitStack()
 
 
 @cache
-def _make_folder() -> Path:
+def _get_fmu_folder() -> Path:
     """Return the folder of the tables' FMUs, which is removed when this process ends."""
     return _fmu_folders.enter_context(temporary_folder("tables"))
 
@@ -243,7 +249,9 @@ def wire_inputs(
     ends = set[tuple[str, str]]()
     for binding in (binding for bindings, _ in bound for binding in bindings):
         if (binding.component, binding.variable) in ends:
-            raise CommandError(f"{binding.signal} is driven by two columns.", signal=binding.signal)
+            raise CommandError(
+                f"{binding.signal} is driven by two columns; remove one.", signal=binding.signal
+            )
         ends.add((binding.component, binding.variable))
     fmus, notes = dict[str, Path](), list[str]()
     for table, (bindings, idle) in zip(tables, bound, strict=True):
@@ -301,14 +309,14 @@ def _split_bindings(
 
 
 def _replace_component(system: System, name: str, fmu: Path) -> System:
-    """Replace a component by a table, without connections to its inputs and without start values."""
+    """Return the system with a table for a component, whose inputs and start values are removed."""
     changed = replace(system.component(name), model="", fmu=fmu, parameters={}, aliases={})
     connections = tuple(x for x in system.connections if x.target != name)
     return replace(system.with_component(changed), connections=connections)
 
 
 def _add_component(system: System, name: str, fmu: Path, bindings: Sequence[ColumnBinding]) -> System:
-    """Add a table as a component of its own."""
+    """Return the system with a table as a further component, which drives the signals of the bindings."""
     ends = {(b.component, b.variable): b for b in bindings}
     outputs = {end: b.signal for end, b in ends.items() if b.output}
     inputs = {end: b.signal for end, b in ends.items() if not b.output}

@@ -154,9 +154,11 @@ class ChunkQueue:
         return chunk, _OVERRUN * max(expected, _MIN_CHUNK_S)
 
     def _find_length(self, group: int, threads: int) -> int:
+        """Return the number of variants of a group in a chunk of the target duration."""
         return int(max(_CHUNK_S, _CHUNK_S_PER_THREAD * threads) / self._seconds[group])
 
     def _find_fair_length(self, threads: int) -> int:
+        """Return the largest number of variants in a chunk with which all threads end together."""
         return math.ceil(self._remaining / (_MIN_CHUNKS_PER_THREAD * threads))
 
     def take_answer(self, chunk: WorkPackage, answer: ChunkAnswer) -> list[Chunk]:

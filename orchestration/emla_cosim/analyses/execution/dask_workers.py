@@ -55,12 +55,16 @@ class DaskWorkers:
     def load(self, payload: WorkerPayload) -> None:
         """Send the payload to all workers, also to those that come later."""
         self._client.subscribe_topic(self._key, lambda event: self.slow.put(tuple(event[1])))
-        plugin = _make_plugin(self._key, version("emla-cosim"), payload.files, payload.content)
-        self._client.register_plugin(_make_removal(self._key, self._client.id))
+        plugin = _make_host_plugin(self._key, version("emla-cosim"), payload.files, payload.content)
+        self._client.register_plugin(_make_removal_plugin(self._key, self._client.id))
         self._client.register_plugin(plugin)
 
     def threads(self) -> int:
-        """Return how many chunks can run at once. Raise RunError if there were none for too long."""
+        """Return how many chunks can run at once, and report once that there are no workers.
+
+        Raises:
+            RunError: There were no workers for too long.
+        """
         now = time.monotonic()
         if now - self._last_look < _LOOK_INTERVAL_S:
             return self._thread_count
@@ -100,7 +104,7 @@ class DaskWorkers:
             self._client.cancel(list(tasks), force=True)
 
     def explain(self, error: Exception) -> RunError | None:
-        """Return the message on an exception that concerns all variants; None for any other."""
+        """Return the error that explains an exception that concerns all variants; None for any other."""
         if isinstance(error, _CONNECTION_ERRORS):
             return RunError(f"the scheduler at {self._address} does not answer: {first_line(error)}.")
         if isinstance(error, UNFIT):
@@ -120,8 +124,8 @@ class DaskWorkers:
             self._client.unregister_scheduler_plugin(self._key)
 
 
-def _make_plugin(key: str, required: str, files: Mapping[str, bytes], content: bytes) -> WorkerPlugin:
-    """Return what prepares a worker for an analysis.
+def _make_host_plugin(key: str, required: str, files: Mapping[str, bytes], content: bytes) -> WorkerPlugin:
+    """Return the plugin that prepares a worker for an analysis.
 
     Args:
         key: Name of the analysis.
@@ -175,8 +179,8 @@ def _make_plugin(key: str, required: str, files: Mapping[str, bytes], content: b
     return HostPlugin()
 
 
-def _make_removal(key: str, client_id: str) -> SchedulerPlugin:
-    """Return what removes the payload from all workers when its client was killed."""
+def _make_removal_plugin(key: str, client_id: str) -> SchedulerPlugin:
+    """Return the plugin that removes the payload from all workers when its client was killed."""
 
     class Removal(SchedulerPlugin):
         name = key
@@ -223,6 +227,7 @@ def connect(
 
 
 def _open_client(address: str) -> Client:
+    """Return a client of a scheduler; raise RunError if none answers."""
     try:
         return Client(address, timeout=_CONNECT_S, set_as_default=False)
     except Exception as error:  # an invalid address may raise anything

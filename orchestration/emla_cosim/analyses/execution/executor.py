@@ -71,7 +71,7 @@ class LocalWorkers:
         self._host.load(payload.files, payload.content)
 
     def threads(self) -> int:
-        """Return how many chunks can run at once. Raise RunError if there were none for too long."""
+        """Return how many chunks can run at once."""
         return self._host.count
 
     def submit(self, method: str, argument: Any) -> Task:
@@ -89,7 +89,7 @@ class LocalWorkers:
             task.cancel()
 
     def explain(self, error: Exception) -> RunError | None:
-        """Return the message on an exception that concerns all variants; None for any other."""
+        """Return the error that explains an exception that concerns all variants; None for any other."""
         if isinstance(error, UNFIT):
             return RunError(f"another process cannot run this: {first_line(error)}.")
         return None
@@ -226,7 +226,10 @@ class _SlowVariants:
         self._seconds: dict[int, float] = {}
 
     def note(self, chunks: Collection[WorkPackage], average_s: float) -> str | None:
-        """Return a note on variants of these chunks that take much longer than the average, if it is time."""
+        """Return a note on variants of these chunks that take much longer than the average.
+
+        It is None if there are none, or the last note was a short time ago.
+        """
         now = time.monotonic()
         if self._reports.empty() or now < self._next_note:
             return None
@@ -307,6 +310,6 @@ def check_cluster(scheduler: Scheduler, workers: int | None) -> None:
 
 
 def first_line(error: BaseException) -> str:
-    """Return the first line of an exception."""
+    """Return the first line of an exception without full stop; of one without a text, its type."""
     text = str(error).strip() or type(error).__name__
     return text.splitlines()[0].rstrip(".")

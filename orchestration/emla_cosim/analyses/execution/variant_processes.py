@@ -77,7 +77,7 @@ class VariantHost:
 
     def __init__(self, folder: Path, count: int) -> None:
         self.count, self._folder, self._is_loaded = count, folder, False
-        self._pool = ChildPool(self._start, count)
+        self._pool = ChildPool(self._start_child, count)
 
     def load(self, files: Mapping[str, bytes], content: bytes) -> None:
         """Write the files of a `WorkerPayload`. Raise RunError if they cannot be written."""
@@ -146,7 +146,8 @@ class VariantHost:
         """End the processes, also those that run variants. The folder may remain."""
         self._pool.close(_CLOSE_S if self._is_loaded else 0.0)
 
-    def _start(self) -> Child:
+    def _start_child(self) -> Child:
+        """Return a new process that runs variants; raise RunError if it cannot start."""
         function = f"{__name__}:run_variants"
         environment = {
             "POLARS_MAX_THREADS": os.environ.get("POLARS_MAX_THREADS", "1"),  # each process has one core
@@ -218,7 +219,11 @@ class VariantProcess:
             simulation.close()
 
     def _get_simulation(self, group: int) -> Simulation:
-        """Return the simulation of a group. Raise CosimError if it cannot be prepared."""
+        """Return the simulation of a group, and close the one that was not used for the longest time.
+
+        Raises:
+            CosimError: It cannot be prepared.
+        """
         simulation = self._simulations.pop(group, None)
         if simulation is not None and simulation.is_unusable:  # of a variant before
             simulation.close()

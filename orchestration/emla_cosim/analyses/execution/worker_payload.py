@@ -36,14 +36,14 @@ if (_kind := type(sys.modules[__name__.partition(".")[0]])) is not ModuleType:
     copyreg.pickle(_kind, lambda module: (import_module, (module.__name__,)))
 
 
-def _find_sentinel(sentinel: object) -> str:
+def _find_sentinel_name(sentinel: object) -> str:
     """Return the name of an object of `dataclasses`, by which it is pickled."""
     return next(name for name, value in vars(dataclasses).items() if value is sentinel)
 
 
 for _sentinel in ("MISSING", "KW_ONLY", "_FIELD", "_HAS_DEFAULT_FACTORY"):
     # dataclasses compare these by identity, but cloudpickle copies them with a class that a script defines
-    copyreg.pickle(type(getattr(dataclasses, _sentinel)), _find_sentinel)  # type: ignore[arg-type]
+    copyreg.pickle(type(getattr(dataclasses, _sentinel)), _find_sentinel_name)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,10 @@ class Preparation:
 
     @classmethod
     def of(cls, scenario: Scenario, progress: Progress | None = None) -> "Preparation":
-        """Build missing FMUs and read their interfaces. Errors are those of `Scenario.prepare`."""
+        """Prepare a scenario: check its data, build missing FMUs, read interfaces, and report notes.
+
+        Errors are those of `Scenario.prepare`.
+        """
         options, progress = limit_to_data_end(scenario.options), progress or Progress()
         with show_paths_relative_to(scenario.unpacked), accept_faults(options.lenient) as faults:
             faults.merge(scenario.accepted)

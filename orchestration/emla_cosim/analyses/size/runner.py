@@ -117,7 +117,9 @@ def size(
     )
     with session.reserve_folder():
         rows = list(_plan_rows(task)) if varied else [_Row("", None, ())]
-        sized = {key: _run(dict(key), task) for key in dict.fromkeys(x.key for x in rows if not x.problem)}
+        sized = {
+            key: _try_run(dict(key), task) for key in dict.fromkeys(x.key for x in rows if not x.problem)
+        }
         failure: CosimError | None = None
         nominal = {key: run for key, run in sized.items() if isinstance(run, SizedRun)}
         try:
@@ -145,23 +147,24 @@ def _drop_tolerances(run: SizedRun, error: CosimError) -> SizedRun:
 
 
 def _check_arguments(cycle: float | None, lead_in: float, ambient: float, life: float | None) -> None:
+    """Raise CommandError for times or a temperature that are not positive and finite."""
     for name, value in (("cycle", cycle), ("life", life), ("ambient", ambient)):
         if value is not None and not 0.0 < value < np.inf:
-            raise CommandError(f"{name} is {value!r}; it must be a positive number.")
+            raise CommandError(f"{name} is {value!r}; it must be a positive, finite number.")
     if not 0.0 <= lead_in < np.inf:
-        raise CommandError(f"lead_in is {lead_in!r}; it must be 0 or a positive number.")
+        raise CommandError(f"lead_in is {lead_in!r}; it must be a finite number from 0.")
 
 
 _Sheet = str | Path | Actuator
 
 
 def _label_sheets(joint: str, sheets: Sequence[_Sheet]) -> dict[str, _Sheet]:
-    """Return the data sheets of a joint's candidates by label."""
+    """Return the data sheets of a joint's candidates by label; CommandError for none, or for one twice."""
     labels = [sheet.title if isinstance(sheet, Actuator) else str(sheet) for sheet in sheets]
     if twice := [label for label in labels if labels.count(label) > 1]:
-        raise CommandError(f"'{twice[0]}' occurs twice among the actuators of {joint}.")
+        raise CommandError(f"'{twice[0]}' occurs twice among the actuators of {joint}; remove one.")
     if not labels:
-        raise CommandError(f"{joint} has no candidates.", joint=joint)
+        raise CommandError(f"{joint} has no candidates; name a data sheet, or remove it.", joint=joint)
     return dict(zip(labels, sheets, strict=True))
 
 
@@ -250,8 +253,12 @@ def _find_problem(labels: Mapping[str, str], task: _Task) -> str | None:
     return None
 
 
-def _run(labels: Mapping[str, str], task: _Task) -> SizedRun | RunError:
-    """Return the joints of a run, or why the run of a candidate failed."""
+def _try_run(labels: Mapping[str, str], task: _Task) -> SizedRun | RunError:
+    """Return the joints of a run, or why the run of a candidate failed.
+
+    Raises:
+        RunError: A run without candidates failed, and not because of its load.
+    """
     scenario = task.load(labels)
     try:
         return _size_scenario(scenario, labels, task)

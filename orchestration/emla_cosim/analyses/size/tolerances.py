@@ -134,7 +134,7 @@ class Tolerances:
         return sorted(uses, key=lambda use: -use.worst.fraction)
 
     def record(self, nominal: Sequence[Utilisation]) -> dict[str, Any]:
-        """Return the content for `size.json`; see `limits`."""
+        """Return the entry of `size.json` as plain data; `nominal` are the limits without tolerances."""
         quantiles = ("quantile_95", "quantile_95_interval") if self.is_random else ()
         return {
             "sampling": "random" if self.is_random else "ends",
