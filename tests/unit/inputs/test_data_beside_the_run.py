@@ -33,7 +33,7 @@ def test_values_that_hold_are_reported(
             assert len(actual) == bool(remark) and all(remark in text for text in actual)
 
 
-def test_sweeps_say_it_once(
+def test_sweep_reports_held_values_once(
     faulty_fmu: Path, tmp_path: Path, on_one_cluster: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     progress, notes = Progress(), list[str]()

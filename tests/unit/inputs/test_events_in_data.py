@@ -48,7 +48,7 @@ def test_a_cubic_column_has_a_spline_on_each_side_of_a_jump(integrator: Path) ->
     assert result["input.M.u"] == pytest.approx(expected, abs=1e-12)
 
 
-def test_equal_rows_change_nothing(integrator: Path) -> None:
+def test_repeated_rows_change_nothing(integrator: Path) -> None:
     without_repetition = driven(integrator, {"time": [0.0, 0.4, 1.0], "u": [0.0, 2.0, 1.0]})
     twice = driven(integrator, {"time": [0.0, 0.4, 0.4, 1.0, 1.0], "u": [0.0, 2.0, 2.0, 1.0, 1.0]})
     assert np.array_equal(without_repetition["M.x"], twice["M.x"])

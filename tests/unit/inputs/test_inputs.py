@@ -280,7 +280,7 @@ def test_invalid_signals_and_columns(
     assert message in str(error.value) and "\n" not in str(error.value)
 
 
-def test_two_values_for_one_signal(fmu_folder: Path, measured: Path) -> None:
+def test_two_values_for_one_signal_are_refused(fmu_folder: Path, measured: Path) -> None:
     source = ec.Input(measured, {LOAD: "Force"})
     with pytest.raises(CommandError, match="is driven by two columns"):
         lift(fmu_folder, source, source).prepare()

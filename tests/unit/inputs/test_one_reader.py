@@ -100,7 +100,9 @@ TABLES = {
 
 @pytest.mark.parametrize("read", READERS)
 @pytest.mark.parametrize("kind", TABLES)
-def test_same_numbers(kind: str, read: Callable[[Path, Path], Series], passing: Path, tmp_path: Path) -> None:
+def test_all_readers_return_the_same_numbers(
+    kind: str, read: Callable[[Path, Path], Series], passing: Path, tmp_path: Path
+) -> None:
     (tmp_path / "data.csv").write_text(TABLES[kind])
     times, values = read(tmp_path / "data.csv", passing)
     np.testing.assert_allclose(times, [0.0, 0.25, 0.5, 0.75, 1.0], atol=1e-12)
@@ -118,7 +120,7 @@ ERRORS = {
 
 @pytest.mark.parametrize("read", READERS)
 @pytest.mark.parametrize("content", ERRORS)
-def test_same_errors(
+def test_all_readers_report_the_same_errors(
     content: str, read: Callable[[Path, Path], Series], passing: Path, tmp_path: Path
 ) -> None:
     if read is of_plot and "[m]" in content:

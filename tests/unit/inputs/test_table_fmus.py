@@ -68,7 +68,7 @@ def test_settings_are_those_of_inputs(settings: str, values: list[float], fmi: i
     assert result["measured.u"].tolist() == pytest.approx(values)
 
 
-def test_booleans_have_an_fmu_of_their_own(tmp_path: Path) -> None:
+def test_booleans_beside_numbers_are_refused(tmp_path: Path) -> None:
     text = "time,on,u\n0,true,1\n1,false,2\n"
     with pytest.raises(CommandError, match=r"has Booleans \(on\) beside numbers, .*measured\.csv:on'"):
         build(tmp_path, text)

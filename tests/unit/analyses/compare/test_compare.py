@@ -227,7 +227,7 @@ def test_command_reports_lost_joints_first(emla: Emla, tmp_path: Path) -> None:
     assert names_in(tmp_path) == FILES
 
 
-def test_values_of_a_case_override_common_values() -> None:
+def test_command_has_the_values_of_a_case_instead_of_common_ones() -> None:
     """As the run itself has: a case is for a value that `--set` gives to all."""
     options = {"set": {"a.b": 1.0, "a.c": 2.0}, "stop_time": 0.4, "step_size": 1e-3, "gains": "soft"}
     overrides = {"set": {"a.b": 3.0}, "step_size": 1e-4}

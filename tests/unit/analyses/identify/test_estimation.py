@@ -205,13 +205,13 @@ def test_smooth_response_keeps_its_steps() -> None:
     assert derivatives.matrix == pytest.approx(exact, rel=1e-3, abs=0.01)
 
 
-def test_perfect_fit_is_even() -> None:
+def test_perfect_fit_needs_no_cost_tolerance() -> None:
     values = 2.0 * np.exp(-3.0 * TIME) + 1e-15 * np.random.default_rng(0).standard_normal(len(TIME))
     solved = problem(EXACT, [[measured(TIME, values)]], decay)
     assert solved.differentiate(Parameters(EXACT).start).cost_tolerance == 0.0
 
 
-def test_kink_has_no_derivative() -> None:
+def test_parameter_at_a_kink_is_not_identified() -> None:
     def corner(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
         return [{"time": TIME, "y": abs(p["a"] - 0.5) * TIME + 0.1 * p["a"] * TIME}]
 

@@ -198,7 +198,7 @@ def test_change_by_half_the_step_equals_that_of_another_fit(
 
 
 @pytest.mark.slow
-def test_step_is_not_judged_without_reason(driven: ec.System, scheduler: Client) -> None:
+def test_step_that_is_not_judged_has_a_reason(driven: ec.System, scheduler: Client) -> None:
     """An exact fit has no standard errors worth the name; half a controlled step is none."""
     forces = hold_steps(wave(STEP * np.arange(1, round(2.0 / STEP) + 1)))
     exact = motion(**TRUE, forces=forces)
@@ -368,7 +368,7 @@ def test_negative_delay_of_a_sensor_is_estimated(identify: Identify) -> None:
 
 
 @pytest.mark.parametrize("value", ["NaN", '"a lot"', "null", "1e999"])
-def test_corrupt_record_is_not_a_start(value: str, tmp_path: Path) -> None:
+def test_search_does_not_continue_from_a_corrupt_record(value: str, tmp_path: Path) -> None:
     from emla_cosim.analyses.identify.report import read_unfinished
 
     good = '{"status": "unfinished", "estimates": [{"name": "p", "value": 2.5}]}'

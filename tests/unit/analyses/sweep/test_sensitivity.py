@@ -93,7 +93,7 @@ def test_biased_indices_have_a_warning(ishigami: SweepResult) -> None:
     assert report.under == [f"Warning: {indices.warning}"]
 
 
-def test_unfinished_variants_are_missing(ishigami: SweepResult) -> None:
+def test_base_samples_with_unfinished_variants_are_left_out(ishigami: SweepResult) -> None:
     status = ["done"] * len(ishigami.variants)
     status[12] = "diverged"
     table = swept({}, {"f": ishigami.variants["f"]}, status=status).variants

@@ -34,7 +34,7 @@ def test_share_that_is_not_held_has_the_exact_interval() -> None:
     assert (share["low"], share["high"]) == pytest.approx((expected.low, expected.high), rel=1e-9)
 
 
-def test_variants_that_are_not_done_count() -> None:
+def test_variants_that_are_not_done_count_as_failures() -> None:
     status = ["diverged"] * 2 + ["done"] * (N - 2)
     statements = make_statements(draws("random", 3, status=status))
     assert statements is not None and statements.count == 3
@@ -58,7 +58,7 @@ def test_few_draws_leave_an_end_of_an_interval_open() -> None:
 
 
 @pytest.mark.parametrize("sampling", ["latin-hypercube", "sobol"])
-def test_even_draws_have_their_assumption(sampling: str) -> None:
+def test_evenly_spread_draws_state_their_assumption(sampling: str) -> None:
     statements = make_statements(draws(sampling, 3))
     assert statements is not None
     assert f"sampling {sampling} are spread more evenly" in statements.sentences[1]

@@ -45,7 +45,7 @@ def test_arguments_of_the_command_line() -> None:
     assert read_values([list_options()["isolate"]], texts) == {"isolate": ["*"]}
 
 
-def test_objects_of_python_have_no_arguments() -> None:
+def test_options_that_are_python_objects_have_no_arguments() -> None:
     assert format_arguments({"algorithm": Jacobi()}) is None
     with pytest.raises(CommandError, match="no option"):
         Options().updated({"nonsense": 1})

@@ -50,7 +50,7 @@ def test_stopped_client_is_refused(fmu_folder: Path) -> None:
         sweep(fmu_folder, make_client(Mock(), status="closed"))
 
 
-def test_missing_workers_are_waited_for(fmu_folder: Path) -> None:
+def test_missing_workers_end_the_sweep_after_the_patience(fmu_folder: Path) -> None:
     client = make_client(lambda *_, **__: Mock(done=lambda: False), nthreads=dict)
     with pytest.raises(RunError, match=r"had no workers for 0\.3 s; start workers"):
         sweep(fmu_folder, client, patience=0.3)

@@ -125,7 +125,7 @@ def test_sweep_without_metrics_has_no_verdict(growth: System, scheduler: Client)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["done (9)"]
 
 
-def test_missing_verdict_is_none() -> None:
+def test_missing_verdict_counts_as_not_held() -> None:
     figures = {"a.held": [True, None, True, False], "b.held": [True, True, False, True]}
     result = swept({"x": range(4)}, {**figures, "size": [1.0, 2.0, 3.0, 4.0]})
     assert str(status_line(result)) == "4 variants: 4 done (3 of them not held)"
@@ -139,7 +139,7 @@ FIGURES = {
 }
 
 
-def test_verdicts_are_last_columns() -> None:
+def test_missing_verdicts_are_added_last() -> None:
     for metrics, names in (
         (["lift.error_m"], ["lift.error_m", "lift.held", "tilt.held"]),
         (["tilt.held"], ["tilt.held", "lift.held"]),
