@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from emla_cosim.analyses.identify.certainty import judge, profile
+from emla_cosim.analyses.identify.certainty import assess_certainty, find_profile
 from emla_cosim.analyses.identify.parameters import Parameter, Parameters
 from emla_cosim.analyses.identify.residuals import (
     LOSSES,
@@ -35,7 +35,7 @@ def fitted(values: np.ndarray, columns: np.ndarray = LINE) -> tuple[np.ndarray, 
 
 def test_white_residuals_give_the_covariance_of_regression() -> None:
     factors, residuals = fitted(LINE @ [4.0, 6.0] + NOISE)
-    got = judge(PARAMETERS, factors / 10.0, residuals, 10.0 * LINE, [len(TIME)])
+    got = assess_certainty(PARAMETERS, factors / 10.0, residuals, 10.0 * LINE, [len(TIME)])
     variance = residuals @ residuals / (len(TIME) - 2)
     expected = np.sqrt(np.diag(variance * np.linalg.inv(LINE.T @ LINE)))
     assert [estimate.value for estimate in got.estimates] == pytest.approx(factors)
@@ -54,7 +54,7 @@ def test_intervals_contain_true_values_with_correlated_residuals(correlation: fl
     for _ in range(runs):
         noise = lfilter([1.0], [1.0, -correlation], random.standard_normal(len(TIME) + 200))[200:]
         factors, residuals = fitted(LINE @ [4.0, 6.0] + 0.2 * noise)
-        got = judge(PARAMETERS, factors / 10.0, residuals, 10.0 * LINE, [len(TIME)]).estimates
+        got = assess_certainty(PARAMETERS, factors / 10.0, residuals, 10.0 * LINE, [len(TIME)]).estimates
         inside += contain(got, (4.0, 6.0))
     assert (inside / runs > least).all() and (inside / runs < 0.985).all(), inside / runs
 
@@ -67,7 +67,9 @@ def test_intervals_contain_true_values_despite_outliers(loss: str) -> None:
         values = LINE @ [4.0, 6.0] + noise
         factors = least_squares(lambda p, y=values: LINE @ p - y, fitted(values)[0], loss=loss).x
         residuals = LINE @ factors - values
-        got = judge(PARAMETERS, factors / 10.0, residuals, 10.0 * LINE, [len(TIME)], loss=loss).estimates
+        got = assess_certainty(
+            PARAMETERS, factors / 10.0, residuals, 10.0 * LINE, [len(TIME)], loss=loss
+        ).estimates
         widths.append(float(got[1].error or np.inf))
         inside += contain(got, (4.0, 6.0))
     assert (inside / runs > 0.91).all() and (inside / runs < 0.99).all(), inside / runs
@@ -93,7 +95,7 @@ def test_unidentifiable_parameters_are_named() -> None:
     parameters = Parameters([parameter(name, 0.0, 1.0) for name in names])
     point = np.array([0.5, 0.5, 0.5, 0.5, 1.0])
     residuals = 0.01 * np.random.default_rng(0).standard_normal(len(TIME))
-    got = judge(parameters, point, residuals, columns, [len(TIME)])
+    got = assess_certainty(parameters, point, residuals, columns, [len(TIME)])
     problems = {estimate.name: estimate.problem for estimate in got.estimates}
     assert problems["a"] is None
     assert problems["idle"] == "it has no influence on the measured signals"
@@ -116,7 +118,7 @@ def test_uncertain_derivatives_and_uneven_responses_widen_intervals() -> None:
     factors, residuals = fitted(LINE @ [4.0, 6.0] + NOISE)
     slopes = 10.0 * LINE
     sure, unsure, uneven, unidentified = (
-        judge(
+        assess_certainty(
             PARAMETERS, factors / 10.0, residuals, slopes, [len(TIME)], part * slopes, cost_tolerance=x
         ).estimates
         for part, x in ((0.0, 0.0), (0.2, 0.0), (0.0, 1.5), (0.6, 0.0))
@@ -131,7 +133,7 @@ def test_interval_wider_than_the_range_names_similar_parameters() -> None:
     columns = np.column_stack([TIME, TIME + 1e-4 * np.sin(20.0 * TIME), np.ones_like(TIME)])
     parameters = Parameters([parameter(name, 0.0, 1.0) for name in ("a", "twin", "c")])
     residuals = 0.01 * np.random.default_rng(0).standard_normal(len(TIME))
-    got = judge(parameters, np.full(3, 0.5), residuals, columns, [len(TIME)]).estimates
+    got = assess_certainty(parameters, np.full(3, 0.5), residuals, columns, [len(TIME)]).estimates
     assert "resembles that of twin" in str(got[0].problem)
     assert "resembles that of a" in str(got[1].problem)
     assert got[2].problem is None
@@ -167,7 +169,7 @@ def test_profile_of_a_linear_model_equals_its_interval() -> None:
         space = [parameter("a", 0.0, 10.0), parameter("b", low, 10.0)]
         solved = problem(space, [[measured(TIME, values)]], model)  # type: ignore[arg-type]
         point = np.array([parameter_.to_fraction(x) for parameter_, x in zip(space, factors, strict=True)])
-        return profile(solved, point, 1, None, lambda n: None)
+        return find_profile(solved, point, 1, None, lambda n: None)
 
     variance = residuals @ residuals / (len(TIME) - 2)
     width = student.ppf(0.975, len(TIME) - 2) * np.sqrt(variance * np.linalg.inv(LINE.T @ LINE)[1, 1])
@@ -179,7 +181,7 @@ def test_profile_of_a_linear_model_equals_its_interval() -> None:
 
 @pytest.mark.parametrize("late", [0.0, 0.004, -0.004])
 def test_time_shift_and_its_effect_are_estimated(late: float) -> None:
-    """Least squares with the true shift is the judge."""
+    """Least squares with the true shift is the reference."""
     time, noise = np.linspace(0.0, 4.0, 801), 0.02 * np.random.default_rng(5).standard_normal(801)
 
     def columns(shift: float) -> np.ndarray:
@@ -196,7 +198,9 @@ def test_time_shift_and_its_effect_are_estimated(late: float) -> None:
         assert abs(shifts[0].seconds - late) < 4.0 * shifts[0].error + 1e-4
         assert 10.0 * moves == pytest.approx(without - factors, rel=0.25, abs=0.01)
     random_errors, total_errors = (
-        judge(PARAMETERS, factors / 10.0, residuals, 10.0 * columns(0.0), [len(time)], moves=x).estimates
+        assess_certainty(
+            PARAMETERS, factors / 10.0, residuals, 10.0 * columns(0.0), [len(time)], moves=x
+        ).estimates
         for x in (None, moves)
     )
     for a, b, move in zip(random_errors, total_errors, 10.0 * moves, strict=True):

@@ -145,7 +145,7 @@ class Input(FileOrObject):
         object.__setattr__(self, "signals", signals)
         check_choice("interpolation", self.interpolation, INTERPOLATIONS)
         check_choice("end of an input", self.end, ENDS)
-        self.shifted(np.zeros(1), 0.0)  # raises CommandError if the shift is not a time
+        self.shift_times(np.zeros(1), 0.0)  # raises CommandError if the shift is not a time
 
     @classmethod
     def of_text(cls, text: str) -> "Input":
@@ -180,7 +180,7 @@ class Input(FileOrObject):
                 signals[name] = Column(value)
         return cls(Path(match["file"]), signals, columns, **settings)
 
-    def shifted(self, times: Vector, start: float) -> Vector:
+    def shift_times(self, times: Vector, start: float) -> Vector:
         """Return times of the data in the time of a run.
 
         Args:

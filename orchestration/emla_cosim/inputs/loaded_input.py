@@ -182,7 +182,7 @@ class LoadedInput:
         """
         data = read_data(source)
         time, times = read_times(data, source.time, start, source.shift not in (None, SHIFT_TO_START))
-        return cls(source, data, time, source.shifted(times, start))
+        return cls(source, data, time, source.shift_times(times, start))
 
 
 @dataclass(frozen=True)

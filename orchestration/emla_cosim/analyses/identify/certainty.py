@@ -107,7 +107,7 @@ class Certainty:
     deviation: float
 
 
-def judge(
+def assess_certainty(
     parameters: Parameters,
     point: Vector,
     residuals: Vector,
@@ -268,7 +268,7 @@ def _count_independent_residuals(residuals: Vector, lengths: Sequence[int]) -> f
     return count
 
 
-def profile(
+def find_profile(
     problem: Problem,
     point: Vector,
     i: int,
@@ -286,7 +286,7 @@ def profile(
         i: position of the parameter.
         error: its standard error, as a fraction of its range, if it is known.
         report: called with the number of evaluations.
-        cost_tolerance: as for `judge`.
+        cost_tolerance: as for `assess_certainty`.
     """
     (best,) = problem.residuals([point])
     assert best is not None

@@ -263,7 +263,8 @@ def _check_sheet_entries(entries: SheetEntries, parameters: Sequence[Parameter])
                 )
             if conflicts := sorted(changed & varied):
                 raise CommandError(
-                    f"{label} changes {conflicts[0]}, which is estimated itself.", name=conflicts[0]
+                    f"{label} changes {conflicts[0]}, which is estimated itself; remove one.",
+                    name=conflicts[0],
                 )
 
 
@@ -307,7 +308,7 @@ def _build_sensor_parameter(
     """
     kind, signal = sensor
     if signal not in measured:
-        raise CommandError(f"{label}: {signal} is not measured.", name=signal)
+        raise CommandError(f"{label}: {signal} is not measured; name a measured signal.", name=signal)
     unit = {"offset": measured[signal], "gain": None, "delay": parse_unit_name("s", label)}[kind]
     distribution = parse_distribution(value, label, lambda text: read_quantity(text, label, unit))
     start = 1.0 if kind == "gain" else 0.0

@@ -189,8 +189,11 @@ def _check_samples(
     samples = sum(len(signal.time) for signal in fitted)
     if samples <= len(parameters.items):
         raise CommandError(
-            f"{plan.where} has {samples} samples for {len(parameters.items)} parameters; more are needed."
+            f"{plan.where} has {samples} samples for {len(parameters.items)} parameters; add measured "
+            "data, or vary fewer parameters."
         )
     measured = {signal.signal for measured_signals in signals for signal in measured_signals}
     if idle := [signal for signal in sigma if signal not in measured]:
-        raise CommandError(f"{idle[0]} in 'sigma' of {plan.where} is not measured.", signal=idle[0])
+        raise CommandError(
+            f"{idle[0]} in 'sigma' of {plan.where} is not measured; remove it.", signal=idle[0]
+        )

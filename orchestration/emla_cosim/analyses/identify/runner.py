@@ -20,8 +20,7 @@ from ..execution.executor import Scheduler
 from ..frame.plan_files import Source, scenario_content
 from ..frame.session import Session
 from ..variants.factors import merge_options
-from .certainty import Certainty, make_estimate, rank_experiments
-from .certainty import profile as find_profile
+from .certainty import Certainty, find_profile, make_estimate, rank_experiments
 from .estimation import Estimator, draw_starting_points
 from .plan import Experiment, IdentificationPlan, load_identification_plan
 from .prediction import InterruptedRunsError, Predictor

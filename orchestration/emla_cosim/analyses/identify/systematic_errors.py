@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...base.arrays import Vector
 from ...base.errors import join_names
 from ...run.half_step import HalfStep
-from .certainty import Certainty, find_covariance, judge
+from .certainty import Certainty, assess_certainty, find_covariance
 from .parameters import DELAY, Parameters
 from .problem import Derivatives, Problem
 from .residuals import MeasuredSignal, scale_for_loss
@@ -62,7 +62,7 @@ def judge_estimates(
     """
     parameters = problem.predictor.parameters
     assess = partial(
-        judge,
+        assess_certainty,
         parameters,
         point,
         jacobian=slopes.matrix,

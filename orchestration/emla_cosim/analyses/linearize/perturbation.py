@@ -257,10 +257,10 @@ class Perturbation:
 
     def scale(self, point: ResolvedPoint) -> float:
         """Return the size of an input: its largest value in the stretch, at least its nominal value."""
-        values = self.undisturbed(replace(point, output=None))
+        values = self.find_undisturbed(replace(point, output=None))
         return max(float(np.abs(values).max()), point.nominal)
 
-    def undisturbed(self, point: ResolvedPoint) -> Vector:
+    def find_undisturbed(self, point: ResolvedPoint) -> Vector:
         """Return the signal at a point without a pulse, shape (count,). Raise RunError if a step fails."""
         # one undisturbed run serves all pulses at a point
         if point not in self._undisturbed:
@@ -281,7 +281,7 @@ class Perturbation:
         Raises:
             RunError: A step fails.
         """
-        undisturbed = self.undisturbed(point)
+        undisturbed = self.find_undisturbed(point)
         return self._run_with_pulse(point, amplitude, at) - undisturbed
 
     def _run_to_operating_point(self) -> None:

@@ -279,7 +279,10 @@ def _size_scenario(scenario: Scenario, labels: Mapping[str, str], task: _Task) -
     run_length = times.stop - times.start
     length = run_length if task.cycle is None else task.cycle
     if length > run_length * (1.0 + 1e-9):
-        raise CommandError(f"the cycle of {length:g} s is longer than the run of {run_length:g} s.")
+        raise CommandError(
+            f"the cycle of {length:g} s is longer than the run of {run_length:g} s; choose "
+            "a shorter cycle or a later stop time."
+        )
     interval = times.step * max(math.ceil(length / times.step / MAX_ROWS), 1)  # peaks need every row
     run_options: dict[str, Any] = {"output_interval": interval}
     run_options |= {"start_time": times.start - task.lead_in} if task.lead_in else {}

@@ -137,7 +137,7 @@ class SweepFolder(AnalysisFolder[SweepResult]):
             with write_atomically(self._real_path / PARTS / name) as stream:
                 stream.write(to_parquet(_tabulate_chunk(chunk, measures)))
 
-    def finished(self) -> set[int]:
+    def list_finished(self) -> set[int]:
         """Return the numbers of finished variants. Raise CommandError if a part cannot be read."""
         numbers = set[int]()
         for file in (self._real_path / PARTS).glob(NUMBERED):

@@ -171,7 +171,7 @@ def _run(
             polars.Series("provenance", design.provenance(identity["metrics"]), polars.String),
         )
         folder.begin(_build_record(design, notes, measures, described, identity), about, resume)
-        finished = folder.finished()
+        finished = folder.list_finished()
         session.progress.begin("sweeping", design.count, "variants")
         session.progress.advance(len(finished))
 

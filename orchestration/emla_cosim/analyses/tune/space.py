@@ -253,7 +253,8 @@ def _derive_gains(
         _require_start_values(targets, plan.where)
         if conflicts := targets_in_use & {t.name for f in targets for t in f.targets}:
             raise CommandError(
-                f"{plan.where} sets {min(conflicts)} twice: in 'vary' and in 'derive'.", name=min(conflicts)
+                f"{plan.where} sets {min(conflicts)} twice: in 'vary' and in 'derive'; remove one.",
+                name=min(conflicts),
             )
         targets_in_use |= {t.name for f in targets for t in f.targets}
         derived.append((targets, expression))

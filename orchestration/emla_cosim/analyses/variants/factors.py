@@ -164,7 +164,7 @@ def resolve_factors(
         names_in_use.add(name)
         for target in factor.targets:
             if (owner := owners.setdefault(target.name, name)) != name:
-                text = f"{where} varies {target.name} twice: as {owner} and as {name}."
+                text = f"{where} varies {target.name} twice: as {owner} and as {name}; remove one."
                 raise CommandError(text, name=target.name)
     return factors
 
@@ -257,7 +257,9 @@ class _FactorResolver:
 
         distribution = parse_distribution(entry, self.label, convert)
         if len(units) > 1:
-            raise CommandError(f"{self.label} has values in different units: {join_names(sorted(units))}.")
+            raise CommandError(
+                f"{self.label} has values in different units: {join_names(sorted(units))}; use one."
+            )
         if distribution.relative:
             raise CommandError(
                 f"{self.label} is relative; entries of data sheets need values with their units."
@@ -270,7 +272,9 @@ class _FactorResolver:
         options = list_options()
         if name in options:
             if not options[name].can_vary:
-                raise CommandError(f"{self.label}: the option {name} cannot vary between variants.")
+                raise CommandError(
+                    f"{self.label}: the option {name} cannot vary between variants; set it for all."
+                )
             unit = options[name].unit
             return [_Subject(name, OPTION, parse_unit_name(unit, self.label) if unit else None, not unit)]
         components = [c.name for c in self.system.components]

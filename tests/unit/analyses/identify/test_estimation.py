@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from emla_cosim.analyses.identify.certainty import judge, profile
+from emla_cosim.analyses.identify.certainty import assess_certainty, find_profile
 from emla_cosim.analyses.identify.estimation import Estimator, draw_starting_points
 from emla_cosim.analyses.identify.parameters import Parameter, Parameters
 from emla_cosim.analyses.identify.prediction import predict_samples
@@ -122,7 +122,7 @@ def test_intervals_contain_true_values_of_uneven_responses(kind: str, size: floa
         excess.append(slopes.cost_tolerance)
         assert solved.fixed_steps.keys() >= slopes.steps.keys()
         for counted, cost_tolerance in ((inside, slopes.cost_tolerance), (naive, 0.0)):
-            got = judge(
+            got = assess_certainty(
                 Parameters(NEAR), solution.point, solution.residuals, slopes.matrix, [len(TIME)],
                 slopes.change, cost_tolerance=cost_tolerance,
             )  # fmt: skip
@@ -138,7 +138,7 @@ def test_profile_of_an_uneven_response_has_ends(seed: int) -> None:
     searching = search(solved)
     solution, slopes = searching.differentiate(searching.estimate([Parameters(NEAR).start], free=["y"]))
     for i in range(2):
-        low, high = profile(solved, solution.point, i, None, lambda n: None, slopes.cost_tolerance)
+        low, high = find_profile(solved, solution.point, i, None, lambda n: None, slopes.cost_tolerance)
         assert low is not None and high is not None
         assert 0.0 < low < solution.point[i] - 1e-4 < solution.point[i] + 1e-4 < high < 1.0
 
@@ -223,7 +223,9 @@ def test_parameter_at_a_kink_is_not_identified() -> None:
     assert derivatives.doubts[0] > 1.0
     (residuals,) = solved.residuals([point])
     assert residuals is not None
-    got = judge(Parameters(space), point, residuals, derivatives.matrix, [len(TIME)], derivatives.change)
+    got = assess_certainty(
+        Parameters(space), point, residuals, derivatives.matrix, [len(TIME)], derivatives.change
+    )
     (estimate,) = got.estimates
     assert (
         estimate.problem is not None and "runs with almost equal values differ too much" in estimate.problem
@@ -268,7 +270,7 @@ def test_blocked_parameter_has_its_own_problem() -> None:
     jacobian = solved.jacobian(point, central=True)
     (residuals,) = solved.residuals([point])
     assert residuals is not None and solved.blocked == {1}
-    got = judge(Parameters(space), point, residuals, jacobian, [len(TIME)], blocked=solved.blocked)
+    got = assess_certainty(Parameters(space), point, residuals, jacobian, [len(TIME)], blocked=solved.blocked)
     assert [estimate.problem for estimate in got.estimates] == [None, "runs with other values of it fail"]
 
 

@@ -165,7 +165,7 @@ def merge(parts: list[list[int]], path: Path) -> None:
     for part in parts:
         outcomes = [VariantOutcome(n, "done", None, 1.0, {"y": math.sqrt(n)}) for n in part]
         folder.keep_chunk(Chunk(outcomes), Measures(figures=["y"]))
-    assert folder.finished() == set(range(12))
+    assert folder.list_finished() == set(range(12))
     folder.finish(True, 1.0)
 
 
