@@ -178,6 +178,7 @@ class Executor:
                 task.add_done_callback(ended.put)
 
         def collect() -> list[Chunk]:
+            """Return the results of a call that has ended, and submit more; empty if none ended in time."""
             try:
                 task = ended.get(timeout=_POLL_S)
             except Empty:  # a callback is lost where memory for its thread is missing

@@ -298,11 +298,13 @@ def find_profile(
     free = np.array([k for k in range(count) if k != i], dtype=int)
 
     def find_end(sign: float) -> float | None:
+        """Return the end below (-1) or above (1) the estimate; None if the range ends before."""
         near = point[free].copy()
         # searches that begin elsewhere end in other dents: run each once
         excesses = {0.0: float(smallest - limit)}
 
         def excess(distance: float) -> float:
+            """Return by how much the cost at a distance, minimal over the others, exceeds the limit."""
             nonlocal near
             if distance not in excesses:
                 fixed = point.copy()

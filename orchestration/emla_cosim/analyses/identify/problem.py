@@ -83,14 +83,14 @@ class Problem:
     fixed_steps: dict[int, float] = field(default_factory=dict)
 
     @property
-    def samples(self) -> list[MeasuredSignal]:
+    def fitted_signals(self) -> list[MeasuredSignal]:
         """The measured signals that are fitted, in the order of the residuals."""
         return [signal for i in self.fitted for signal in self.predictor.experiments[i]]
 
     def split(self, residuals: Vector) -> list[tuple[MeasuredSignal, Vector]]:
         """Return the measured signals with their part of the residuals, which have the shape (n,)."""
-        ends = np.cumsum([len(signal.time) for signal in self.samples])
-        return list(zip(self.samples, np.split(residuals, ends[:-1]), strict=True))
+        ends = np.cumsum([len(signal.time) for signal in self.fitted_signals])
+        return list(zip(self.fitted_signals, np.split(residuals, ends[:-1]), strict=True))
 
     def residuals(self, points: Sequence[Vector]) -> list[Vector | None]:
         """Return prediction minus measurement at each point in standard deviations; None if a run failed."""

@@ -66,7 +66,7 @@ def judge_estimates(
         parameters,
         point,
         jacobian=slopes.matrix,
-        lengths=[len(measured.time) for measured in problem.samples],
+        lengths=[len(measured.time) for measured in problem.fitted_signals],
         change=slopes.change,
         loss=loss,
         blocked=problem.blocked,
@@ -77,10 +77,10 @@ def judge_estimates(
         return assess(residuals), ["the step is not judged: the fit is exact, residuals are rounding"]
     sensors = [item.sensor for item in parameters.items if item.sensor is not None]
     shifts, moves = find_time_shifts(
-        problem.samples,
+        problem.fitted_signals,
         residuals,
         slopes.matrix,
-        [problem.sigma[measured.signal] for measured in problem.samples],
+        [problem.sigma[measured.signal] for measured in problem.fitted_signals],
         loss,
         delayed={signal for kind, signal in sensors if kind == DELAY},
     )

@@ -130,6 +130,7 @@ def _check_entry(
 
 
 def _examine_motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[_Examined]:
+    """Yield the limits of torque, currents and voltage."""
     source, limit = min(derived.torques(values), key=lambda torque: torque[1])
     # a motor at its limit hides what the motion requires beyond it
     torque = max(figures.required_torque_peak_N_m, figures.torque_peak_N_m)
@@ -173,6 +174,7 @@ def examine_heat(
 
 
 def _examine_motion(values: Values, figures: SizingFigures) -> Iterator[_Examined]:
+    """Yield the limits of speed, stroke and axial force."""
     omega = figures.motor_speed_peak_rad_s
     yield _check_entry(values, "motor speed", omega, "motor.n_max", "rpm", 60.0 / TURN)
     yield _check_entry(values, "screw speed", figures.speed_peak_m_s, "screw.v_max", "mm/s", 1e3)
@@ -187,6 +189,7 @@ def _examine_motion(values: Values, figures: SizingFigures) -> Iterator[_Examine
 
 
 def _examine_screw(values: Values, figures: SizingFigures, life: float | None) -> Iterator[_Examined]:
+    """Yield static load, critical speed, buckling and life of the screw."""
     yield _check_entry(values, "screw static load", figures.force_peak_N, "screw.C_0a", "kN", 1e-3)
     shape = ("screw.d_root", "screw.L_free", "screw.ends")
     if missing := [entry for entry in shape if entry not in values]:

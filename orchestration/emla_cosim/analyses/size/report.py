@@ -184,6 +184,7 @@ def _mark_limit(limit: Utilisation) -> Text:
 
 
 def _tabulate_tolerances(sizing: JointSizing) -> Iterator[ReportTable]:
+    """Yield a table of the worst draw of each limit; none without tolerances."""
     if (study := sizing.tolerances) is None:
         return
     more = ["95 % below\n%"] if study.is_random else []
@@ -269,6 +270,7 @@ def _list_cells(candidate: Candidate, joint: str) -> list[str]:
 
 
 def _describe_pictures(joint: str) -> dict[str, str]:
+    """Return what the pictures of a joint show, by file name."""
     curves = "over speed with the curves of the motors, winding temperature, and power"
     texts = (
         f"Torque and force of {joint} {curves}",

@@ -339,6 +339,7 @@ def _read_plain(value: Any, _at: Location, _folder: Path | None) -> Any:
 
 
 def _type_in_file(name: str, hint: Any) -> Any:
+    """Return the type of a field of `MotionProblem` in a file."""
     if name == "via":
         return Annotated[Sequence[Via], describe("positions that the tip passes, in order")]
     if name == "obstacles":

@@ -70,6 +70,7 @@ def draw_pictures(result: TrajectoryResult) -> "dict[str, Figure]":
 
 
 def _draw_picture(joints: Sequence[str], times: Vector, rows: Sequence[_PanelRow]) -> "Figure":
+    """Draw a panel for each row and joint over time, with the bounds as dashed lines."""
     figure, axes = new_figure(len(rows), len(joints), 3.2)
     for i, row in enumerate(rows):
         for j, joint in enumerate(joints):
@@ -239,6 +240,7 @@ def _list_judgement(result: TrajectoryResult) -> Iterator[Text | str]:
 
 
 def _describe_shortfall(clearance: Clearance) -> str:
+    """Return a message on a distance that is too small: where, when, and what to do."""
     near, obstacle = clearance.smallest, clearance.obstacle
     coordinates = zip("xyz", (near.x, near.y, near.z), strict=True)
     position = ", ".join(f"{axis} = {value:.3g}" for axis, value in coordinates if value is not None)

@@ -167,6 +167,7 @@ def draw_picture(result: TuneResult) -> "Figure":
 
 
 def _draw_search(axes: "Axes", result: TuneResult) -> None:
+    """Draw the objective of all tried sets, and the best so far."""
     history = result.history
     number = history["evaluation"].to_numpy()
     objective = history["objective"].cast(float).to_numpy()
@@ -182,6 +183,7 @@ def _draw_search(axes: "Axes", result: TuneResult) -> None:
 
 
 def _draw_cases(axes: "Axes", result: TuneResult) -> None:
+    """Draw the objective of each case for start and best, on both sets of seeds."""
     cases = list(result.best.training.by_case)
     scores = {
         "start, training": (result.start.training, GREY, "o"),

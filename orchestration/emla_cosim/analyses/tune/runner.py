@@ -161,6 +161,7 @@ class Search:
         self._strategy.tell(self._proposed, [float(ranks[order]) for order in orders])
 
     def _restart(self, start: Vector, size: int | None) -> None:
+        """Start another search around a point; `size` is that of its generations, None for the default."""
         import cma  # slow to import
 
         options = {

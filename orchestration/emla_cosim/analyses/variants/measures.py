@@ -158,6 +158,7 @@ def _describe_source(function: Callable[..., Any]) -> str:
 
 
 def _check_name(name: str, existing: Sequence[str], where: str) -> None:
+    """Raise CommandError for a name of a metric that another column or the verdict has."""
     if name in existing or name in RESERVED:
         raise CommandError(f"{where} has two columns '{name}'; give the metric another name.", name=name)
     if name.rpartition(".")[2] == HELD:

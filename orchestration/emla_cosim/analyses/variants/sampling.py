@@ -138,6 +138,7 @@ def _draw_sobol(distributions: Sequence[Distribution], runs: int, seed: int) -> 
 
 
 def _draw_saltelli(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
+    """Draw for each base sample the row of A, A with each value of B in turn, and the row of B."""
     factors = len(distributions)
     base = _draw_sobol_points(2 * factors, runs, seed)  # two matrices A and B, side by side
     rows = np.repeat(base[:, None, :factors], factors + 2, axis=1)
