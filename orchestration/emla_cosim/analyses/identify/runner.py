@@ -29,7 +29,7 @@ from .problem import UNSURE, Derivatives, Problem
 from .report import OUTPUTS, read_unfinished
 from .residuals import LINEAR, Fit, assess_fit
 from .result import SAMPLES, IdentificationResult
-from .systematic_errors import judge_estimates
+from .systematic_errors import assess_estimates
 
 _FIRST_EXPERIMENT = "measured"
 """Name of the experiment of `measured`."""
@@ -178,7 +178,7 @@ class _Identification:
             notes = self._describe_unevenness(slopes)
             (residuals,) = problem.residuals([best.point])
             assert residuals is not None
-            certainty, further = judge_estimates(problem, best.point, residuals, slopes, plan.loss)
+            certainty, further = assess_estimates(problem, best.point, residuals, slopes, plan.loss)
             certainty = self._add_profiles(best.point, certainty, slopes.cost_tolerance)
         except InterruptedRunsError:
             return self._save_unfinished(is_final=True)

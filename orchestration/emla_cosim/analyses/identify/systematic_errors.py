@@ -48,7 +48,7 @@ class TimeShift:
         )
 
 
-def judge_estimates(
+def assess_estimates(
     problem: Problem, point: Vector, residuals: Vector, slopes: Derivatives, loss: str
 ) -> tuple[Certainty, list[str]]:
     """Return the certainty of estimates, and notes on what else than the machine makes them.

@@ -203,7 +203,7 @@ def _estimate_error(H: Complex, rough: Complex) -> Vector:
     return np.abs(rough - H) / np.maximum(np.abs(H), 1e-300)
 
 
-def judge_step(
+def add_step_changes(
     simulation: Simulation,
     points: Sequence[AnalysisPoint],
     at: float,

@@ -22,7 +22,7 @@ from ...system.fault import Fault
 from ...system.model import System, Value
 from ..frame.session import Session
 from .matrices import ContinuousSystem, compute_matrices, find_steady_state
-from .measurement import judge_step, measure
+from .measurement import add_step_changes, measure
 from .perturbation import AnalysisPoint, Perturbation, check_reached, choose_openings, parse_opening
 from .report import OUTPUTS
 from .response import FrequencyResponse
@@ -289,7 +289,7 @@ def _measure_all(
             responses[point.label] = measure(perturbation, point, amplitude)
             progress.advance(1)
     remarks = [text for label, m in responses.items() for text in _describe_limits(label, m)]
-    responses, judgement = judge_step(simulation, points, perturbation.at, duration, responses)
+    responses, judgement = add_step_changes(simulation, points, perturbation.at, duration, responses)
     progress.advance(len(points))
     at, step, rolls_back = perturbation.at, perturbation.step, perturbation.rolls_back
     return LinearizeResult(name, at, step, rolls_back, responses, (*remarks, *judgement))

@@ -80,7 +80,7 @@ def build_report(result: SizeResult) -> Report:
     if result.varied:
         captions = {name: text for joint in result.joints for name, text in _describe_pictures(joint).items()}
         tables = [_tabulate_candidates(result), *_tabulate_draws(result)]
-        under = [*lines, *_judge_candidates(result)]
+        under = [*lines, *_describe_verdicts(result)]
         sections.insert(0, Section("Candidates", tables=tables, pictures=captions, under=under))
     else:
         problems = [candidate.problem for candidate in result.candidates if candidate.problem is not None]
@@ -134,7 +134,7 @@ def _list_assumptions(result: SizeResult) -> Iterator[str]:
         yield f"Assumed, as the data sheet of {', '.join(names)} has no such entries: {text}."
 
 
-def _judge_candidates(result: SizeResult) -> Iterator[Text | str]:
+def _describe_verdicts(result: SizeResult) -> Iterator[Text | str]:
     """Yield which candidates fall out, and which hold."""
     joints = dict.fromkeys(candidate.joint for candidate in result.candidates)
     several = len(joints) > 1

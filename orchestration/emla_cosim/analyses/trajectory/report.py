@@ -157,7 +157,7 @@ def build_report(result: TrajectoryResult) -> Report:
         lines=list(_list_assumptions(result)),
         tables=[_tabulate_cost(result), *_tabulate_peaks(result)],
         pictures={name: name.replace("-", " ") for name in PICTURES},
-        under=[*_list_distances(result), *_list_judgement(result)],
+        under=[*_list_distances(result), *_describe_outcome(result)],
     )
     return Report("Trajectory", "motion of least cost", [f"{result.assessment.duration:.2f} s"], [section])
 
@@ -216,7 +216,7 @@ def _list_distances(result: TrajectoryResult) -> Iterator[str]:
         )
 
 
-def _list_judgement(result: TrajectoryResult) -> Iterator[Text | str]:
+def _describe_outcome(result: TrajectoryResult) -> Iterator[Text | str]:
     """Yield how the motion was found, and whether it keeps its bounds on the dense grid."""
     how, solution = result.discretisation, result.solution
     attempts = f", best of {result.starts} starts" if result.starts > 1 else ""

@@ -60,7 +60,7 @@ class Evaluation:
         scores = list[Score]()
         for gains, by_case in zip(candidates, outcomes, strict=True):
             # margins need further runs: not for gains that are out already
-            if any(self.task.loops) and self.task.objective.meets_measured(by_case):
+            if any(self.task.loops) and self.task.objective.meets_conditions_on_known_figures(by_case):
                 if self.runs.interrupted():
                     return None
                 by_case = self._add_margins(gains.get("set", {}), by_case)

@@ -142,7 +142,7 @@ class Objective:
         by_case = {name: value for name, value in objectives.items() if value == value}
         return Score(objective, violation, lost_runs, runs, int(met.sum()), by_case, worst)
 
-    def meets_measured(self, outcomes: Sequence[Sequence[VariantOutcome]]) -> bool:
+    def meets_conditions_on_known_figures(self, outcomes: Sequence[Sequence[VariantOutcome]]) -> bool:
         """Return whether runs meet all conditions on figures that they have; margins come later."""
         return all(
             outcome.complete
