@@ -555,9 +555,9 @@ def test_coarse_rows_are_reported(
 def test_invalid_requests_are_refused(size: Callable[..., ec.SizeResult]) -> None:
     for request, message in (
         ({"cycle": 9.0}, "longer than the run"),
-        ({"cycle": -1.0}, "must be a positive number"),
-        ({"life": 0.0}, "must be a positive number"),
-        ({"lead_in": -1.0}, "must be 0 or a positive"),
+        ({"cycle": -1.0}, "must be a positive, finite number"),
+        ({"life": 0.0}, "must be a positive, finite number"),
+        ({"lead_in": -1.0}, "must be a finite number from 0"),
         ({"candidates": {"prototype": []}}, "has no candidates"),
         ({"candidates": {"prototype": ["a.toml", "a.toml"]}}, "occurs twice"),
     ):
