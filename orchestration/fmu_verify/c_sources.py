@@ -52,7 +52,9 @@ def find_zig() -> tuple[str, ...]:
 def run_compiler(
     command: Sequence[str], scratch: Path, seconds: float | None = None
 ) -> "subprocess.CompletedProcess[str]":
-    """Run a compiler. Raise OSError if it cannot be run, and TimeoutExpired after a time in s.
+    """Run a compiler and return its process, also if it fails. `seconds` limits the time.
+
+    Raise OSError if it cannot be run, and TimeoutExpired after the limit.
 
     Its temporary files are in the folder `scratch`, which the caller removes, even if the compiler crashes.
     """

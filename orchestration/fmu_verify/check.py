@@ -101,7 +101,7 @@ class CheckOutcome:
         blocked: Whether the check applies, but could not run. Such an FMU does not pass.
         blocks: Whether checks that need this one cannot run if it fails.
         gaps: What the check could not judge, as sentences for the section *Not examined*.
-        lines: Details before `terms.in_terms_of` writes them: messages, each with its clause if it has one.
+        lines: Details before `translate_outcome` writes them: messages, each with its clause if it has one.
     """
 
     verdict: Verdict
@@ -193,39 +193,39 @@ _IN_CATALOGUE = {
 """More names, in titles and hints of checks."""
 
 
-def say(text: str, version: int) -> str:
+def translate_message(text: str, version: int) -> str:
     """Return a message of a check in the terms of a version of FMI, 2 or 3."""
     if version == 2:
         return text
     text = re.sub(r"\bfmi2([A-Z]\w*)", lambda m: f"fmi3{_FUNCTIONS.get(m[1], m[1])}", text)
-    return _replace(text, _NAMES)
+    return _replace_names(text, _NAMES)
 
 
-def say_in_catalogue(text: str, version: int) -> str:
+def translate_catalogue_text(text: str, version: int) -> str:
     """Return a title, hint or description of a check in the terms of a version of FMI."""
-    return text if version == 2 else say(_replace(text, _IN_CATALOGUE), version)
+    return text if version == 2 else translate_message(_replace_names(text, _IN_CATALOGUE), version)
 
 
-def _replace(text: str, names: Mapping[str, str]) -> str:
+def _replace_names(text: str, names: Mapping[str, str]) -> str:
     return re.sub("|".join(rf"\b{re.escape(name)}\b" for name in names), lambda m: names[m[0]], text)
 
 
-def translate(version: int, outcome: CheckOutcome) -> CheckOutcome:
+def translate_outcome(version: int, outcome: CheckOutcome) -> CheckOutcome:
     """Return an outcome with the names and clauses of a version of FMI, and with its details written."""
-    quoted, details = outcome.clause, [say(line, version) for line in outcome.details]
+    quoted, details = outcome.clause, [translate_message(line, version) for line in outcome.details]
     for line, clause in outcome.lines:
         own_clause = None if clause is None or clause == quoted else clause.of(version)
         details.append(
-            say(line, version)
+            translate_message(line, version)
             + (f" ({own_clause}: “{own_clause.sentence}”)" if own_clause is not None else "")
         )
     return replace(
         outcome,
-        sentence=say(outcome.sentence, version),
+        sentence=translate_message(outcome.sentence, version),
         details=tuple(details),
-        hint=say_in_catalogue(outcome.hint, version),
+        hint=translate_catalogue_text(outcome.hint, version),
         clause=None if quoted is None else quoted.of(version),
-        gaps=tuple(say(gap, version) for gap in outcome.gaps),
+        gaps=tuple(translate_message(gap, version) for gap in outcome.gaps),
         lines=(),
     )
 
@@ -269,7 +269,7 @@ class Check:
 
     def of(self, version: int) -> "Check":
         """Return the check with the texts for a version of FMI, 2 or 3."""
-        title, hint = (say_in_catalogue(text, version) for text in (self.title, self.hint))
+        title, hint = (translate_catalogue_text(text, version) for text in (self.title, self.hint))
         return replace(self, clause=self.clause.of(version), title=title, hint=hint)
 
     def __reduce__(self) -> Any:

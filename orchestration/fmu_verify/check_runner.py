@@ -22,9 +22,9 @@ from .check import (
     is_own_rule,
     noted,
     skipped,
-    translate,
+    translate_outcome,
 )
-from .confinement import list_writable, use_scratch
+from .confinement import prepare_writable_folders, use_scratch
 from .findings import Finding
 from .settings import Settings
 from .subprocess_run import CheckProcess, EndedError
@@ -61,7 +61,7 @@ class CheckRunner:
         if self._process is not None and (records or self._process.memory != memory):
             self.close()
         if self._process is None:
-            folders = list_writable(self.subject, records)
+            folders = prepare_writable_folders(self.subject, records)
             self._process = CheckProcess(do_check, (self.subject,), memory, folders)
         outcome = self._process.call((check,), seconds)
         if not self._process.can_continue:
@@ -76,7 +76,10 @@ class CheckRunner:
 
 
 def skip_blocked(check: Check, needed: Finding, version: int = 2) -> Finding:
-    """Return the finding for a check that needs one that failed or was skipped."""
+    """Return the finding for a check that needs one that failed or was skipped.
+
+    It is blocked, unless the needed one does not apply to the FMU.
+    """
     reason = needed.sentence  # already names the first cause if `needed` was blocked itself
     if needed.verdict == Verdict.FAILED:
         reason = f"It needs {needed.check}, which failed."
@@ -87,7 +90,10 @@ def skip_blocked(check: Check, needed: Finding, version: int = 2) -> Finding:
 
 
 def make_finding(check: Check, outcome: CheckOutcome, seconds: float = 0.0, version: int = 2) -> Finding:
-    """Return an outcome together with the title, clause and hint of its check, for a version of FMI."""
+    """Return an outcome together with the title, clause and hint of its check, for a version of FMI.
+
+    The failure of an advisory check becomes a warning, or a note if the clause is a rule of this program.
+    """
     check = check.of(version)
     if check.advisory and outcome.verdict == Verdict.FAILED:
         outcome = (
@@ -100,14 +106,17 @@ def make_finding(check: Check, outcome: CheckOutcome, seconds: float = 0.0, vers
 
 
 def do_check(subject: Any, check: Check) -> CheckOutcome:
-    """Return the outcome of a check in this process."""
+    """Run a check in this process, which works in the scratch folder from then on. Return the outcome.
+
+    Its texts are in the terms of the FMU's version of FMI.
+    """
     use_scratch(subject)
-    outcome = _examine(check, subject)
+    outcome = _call_examine(check, subject)
     with suppress(Exception):  # it cannot be read
         _ = subject.tree
     if (version := _read_version(subject)) != 2 and outcome.clause is None:
         outcome = replace(outcome, clause=check.clause)
-    return translate(version, outcome)
+    return translate_outcome(version, outcome)
 
 
 def _read_version(subject: Any) -> int:
@@ -115,7 +124,8 @@ def _read_version(subject: Any) -> int:
     return getattr(subject, "known_version", 2)
 
 
-def _examine(check: Check, subject: Any) -> CheckOutcome:
+def _call_examine(check: Check, subject: Any) -> CheckOutcome:
+    """Return the outcome of a check; failed calls and what keeps it from running become outcomes, too."""
     from .host.hosted_instance import CallError  # loads fmpy.fmi2
 
     if check.only_for not in (0, _read_version(subject)):

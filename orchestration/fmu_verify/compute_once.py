@@ -14,7 +14,8 @@ def compute_once(path: Path, compute: Callable[[], T]) -> T:
     If `compute` raises, the next process tries.
 
     Args:
-        path: File for the result, which is unpickled. Other users must not be able to write to its folder.
+        path: File for the result, which is unpickled. Its folder is created if it is missing; other users
+            must not be able to write to it.
         compute: Function to call.
     """
     from filelock import FileLock  # its handlers of forks cost all processes a millisecond

@@ -58,7 +58,7 @@ def _read_version() -> int:
     return 0
 
 
-def list_gaps() -> Iterator[str]:
+def list_confinement_gaps() -> Iterator[str]:
     """Yield what `confine` cannot prevent on this system, as sentences."""
     version = _read_version()
     if version == 0:
@@ -151,8 +151,8 @@ _CACHE, _CODE = "cache", "code"
 """The folder of the cache in the scratch folder, and of the compiled stepper in the cache."""
 
 
-def list_writable(subject: Subject | WholeSystem, records: bool = False) -> list[Path]:
-    """Return the folders that a check of an FMU or of a system may change, and make its scratch folder.
+def prepare_writable_folders(subject: Subject | WholeSystem, records: bool = False) -> list[Path]:
+    """Make the scratch folder of a check, with the stepper if it needs it; return folders that it may change.
 
     `records` says whether the check writes reference files. Call it before the check is confined: then no
     folder of the user is writable, and the user's cache is not found.
@@ -192,7 +192,8 @@ def use_scratch(subject: Subject | WholeSystem) -> None:
 def _copy_stepper(folder: Path) -> None:
     """Copy the compiled stepper to another cache folder.
 
-    It is built now if necessary: the compiler cannot rename files in a confined process.
+    It is built now if necessary: the compiler cannot rename files in a confined process. Nothing is copied
+    if that fails.
     """
     folder.mkdir(exist_ok=True)
     with suppress(OSError, CacheError, CosimError):

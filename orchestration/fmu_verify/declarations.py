@@ -76,7 +76,7 @@ class DeclaredVariable:
     reference: int
     causality: str
     variability: str
-    given_initial: str | None
+    declared_initial: str | None
     type: str
     own_attributes: Mapping[str, str]
     attributes: Mapping[str, str]
@@ -89,7 +89,7 @@ class DeclaredVariable:
     """Positions of its Clocks; None if it has none."""
     previous: int | None
     """Position of the variable with its previous value."""
-    starts: int
+    start_count: int
     """Number of start values."""
     version: int
     """Version of FMI."""
@@ -110,14 +110,14 @@ class DeclaredVariable:
         return (_INITIAL_3 if self.version == 3 else _INITIAL).get((self.causality, self.variability))
 
     @property
-    def possible(self) -> bool:
+    def is_possible(self) -> bool:
         """Whether causality, variability and initial are compatible."""
-        return self.initials is not None and self.given_initial in (None, *self.initials)
+        return self.initials is not None and self.declared_initial in (None, *self.initials)
 
     @property
     def initial(self) -> str | None:
         """The attribute `initial`, or its default; None if there is no default."""
-        return self.given_initial or (self.initials[0] if self.initials else None)
+        return self.declared_initial or (self.initials[0] if self.initials else None)
 
     @property
     def value_key(self) -> tuple[str, int]:
@@ -242,7 +242,7 @@ class Declarations:
         states = (self.variable(v.derivative) for v in self.derivatives.variables)
         return {v.index for v in states if v is not None}
 
-    def share_value(self, variable: DeclaredVariable) -> list[DeclaredVariable]:
+    def find_aliases(self, variable: DeclaredVariable) -> list[DeclaredVariable]:
         """Return a variable and its aliases: those of its base type with its value reference."""
         return self._by_value[variable.value_key]
 
@@ -355,7 +355,7 @@ def _read_variable(
         reference=int(element.get("valueReference")),
         causality=causality,
         variability=variability,
-        given_initial=element.get("initial"),
+        declared_initial=element.get("initial"),
         type=value.tag,
         own_attributes=own_attributes,
         attributes={**(declared_type.attributes if declared_type else {}), **own_attributes},
@@ -365,7 +365,7 @@ def _read_variable(
         dimensions=tuple(_read_dimension(e, find_position) for e in element.iterfind("Dimension")),
         clocks=_find_positions(own_attributes.get("clocks"), find_position),
         previous=find_position(own_attributes["previous"]) if "previous" in own_attributes else None,
-        starts=len(starts) or len(own_attributes.get("start", "").split()),
+        start_count=len(starts) or len(own_attributes.get("start", "").split()),
         version=version,
     )
 

@@ -15,7 +15,7 @@ from emla_cosim.base.wording import matches_pattern
 from .catalogue import CHECKS, RECORDED, VITAL
 from .check import Check, Verdict
 from .check_runner import CheckRunner, skip_blocked
-from .confinement import list_gaps
+from .confinement import list_confinement_gaps
 from .declarations import DeclaredVariable
 from .findings import Examined, Finding
 from .host.experiment import FEWEST_STEPS
@@ -39,7 +39,7 @@ def list_unexamined(subject: Subject, findings: Mapping[str, Finding]) -> tuple[
         *(f"{f.check}: {gap}" for f in findings.values() for gap in f.outcome.gaps),
         *_find_other_platforms(subject),
         *_find_parts_of_version_3(subject),
-        *(list_gaps() if "run.completes" in findings else ()),
+        *(list_confinement_gaps() if "run.completes" in findings else ()),
     )
 
 
@@ -156,12 +156,12 @@ def examine_fmu(
         for check in select_needed_checks(subject.settings):
             finding = earlier.get(check.name)
             if finding is None or check.name == _UNPACKS:
-                new = _find(check, runner, {**earlier, **findings})
+                new = _run_or_skip(check, runner, {**earlier, **findings})
                 finding = finding or new
             if check.name not in earlier:
                 progress(finding)
             findings[finding.check] = finding
-            if _take_over(finding, subject):
+            if _prepare_later_checks(finding, subject):
                 runner.close()
     # failed checks are reported even if not selected: the checks that need them are only skipped
     skip = subject.settings.skip
@@ -193,7 +193,7 @@ def _find_missing_in_version(
             yield f"--must-run {pattern}: FMI {subject.known_version}.0 does not have what it is about."
 
 
-def _take_over(finding: Finding, subject: Subject) -> bool:
+def _prepare_later_checks(finding: Finding, subject: Subject) -> bool:
     """Read what later checks need, and limit their runs, after a check that passed; return whether it did."""
     if finding.verdict != Verdict.PASSED:
         return False
@@ -239,12 +239,12 @@ def select_needed_checks(settings: Settings) -> list[Check]:
     return [c for c in (*CHECKS, RECORDED) if c.name in names]
 
 
-def _find(check: Check, runner: CheckRunner, before: Mapping[str, Finding]) -> Finding:
+def _run_or_skip(check: Check, runner: CheckRunner, before: Mapping[str, Finding]) -> Finding:
     """Run a check. Skip it if it needs one which failed or was skipped."""
     subject = runner.subject
     if (missing := _find_missing_need(check, before, subject.settings.skip)) is None:
         finding = runner.run(check)
-        if (missing := _find_hindering(check, finding, before)) is None:
+        if (missing := _find_cause_of_error(check, finding, before)) is None:
             return finding
     return skip_blocked(check, missing, subject.known_version)
 
@@ -263,8 +263,8 @@ def _find_missing_need(check: Check, before: Mapping[str, Finding], skip: Sequen
     return None
 
 
-def _find_hindering(check: Check, finding: Finding, before: Mapping[str, Finding]) -> Finding | None:
-    """Return a failed check without which this one, which was tried all the same, went wrong."""
+def _find_cause_of_error(check: Check, finding: Finding, before: Mapping[str, Finding]) -> Finding | None:
+    """Return a failed check without which this one, which was tried all the same, went wrong, or None."""
     if not finding.sentence.startswith(ERROR_OF_CHECK):
         return None
     needed = list(check.needs)

@@ -19,7 +19,7 @@ from emla_cosim.fmu.instance import CLASSES, read_signatures
 
 from .check import Check
 from .check_runner import CheckRunner
-from .confinement import confine_signals, list_gaps
+from .confinement import confine_signals, list_confinement_gaps
 from .examination import examine_fmu, find_objections
 from .findings import Examined, Finding
 from .host.process_state import adopt_orphans, end_children
@@ -62,7 +62,7 @@ def examine_system(
         (finding,),
         time.monotonic() - start,
         objections=find_objections((finding,), settings),
-        not_examined=tuple(list_gaps()),
+        not_examined=tuple(list_confinement_gaps()),
     )
 
 
@@ -106,6 +106,7 @@ def examine_jobs(channel: Channel, folder: str) -> None:
 
 
 def _examine(job: ExaminerJob, on_finding: Callable[[Finding], None]) -> Examined | RunError:
+    """Return the findings of a job, or an error if this machine has no space or memory for it."""
     try:
         with tempfile.TemporaryDirectory(prefix="emla-verify-", ignore_cleanup_errors=True) as name:
             folder = Path(name).resolve()

@@ -65,7 +65,7 @@ def as_dict(report: Findings) -> dict[str, Any]:
             "passed": report.passed,
             "complete": report.complete,
             "counts": {verdict.value: report.counts[verdict] for verdict in Verdict},
-            "examined": [_describe_report(examined) for examined in report.examined],
+            "examined": [_describe_examined(examined) for examined in report.examined],
         }
     )
 
@@ -76,7 +76,7 @@ def render(report: Findings) -> str:
     return json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n"
 
 
-def _describe_report(examined: Examined) -> dict[str, Any]:
+def _describe_examined(examined: Examined) -> dict[str, Any]:
     return {
         "name": examined.label,
         "path": str(examined.path),
@@ -104,7 +104,7 @@ def _describe_finding(examined: Examined, finding: Finding) -> dict[str, Any]:
         "repeat": format_command(examined, finding),
         "seconds": finding.seconds,
         "figures": outcome.figures,
-        "comparisons": [_describe_comparison(examined) for examined in outcome.comparisons],
+        "comparisons": [_describe_comparison(comparison) for comparison in outcome.comparisons],
     }
 
 

@@ -99,7 +99,7 @@ def describe_mismatch(path: Path, folder: str) -> str:
 
 
 def suggest_platform(folder: str, version: int) -> str:
-    """Return the name in FMI 2.0 or 3.0 that the name of a folder in `binaries` means; empty if none is."""
+    """Return the standard name that a folder in `binaries` should have; empty if it has it, or none fits."""
     words = [word for word in _WORDS.findall(folder.lower()) if word not in "-_ "]
     systems = [_SYSTEMS[word] for word in words if word in _SYSTEMS]
     processors = [_PROCESSORS[word] for word in words if word in _PROCESSORS]
@@ -158,7 +158,7 @@ def find_suffix(folder: str) -> str:
 
 
 def list_platforms(subject: Subject) -> list[Path]:
-    """Return the folders of platforms with binaries."""
+    """Return the folders in `binaries`, one for each platform; some may be empty."""
     binaries = subject.folder / "binaries"
     return sorted(p for p in binaries.iterdir() if p.is_dir()) if binaries.is_dir() else []
 

@@ -116,8 +116,8 @@ class _FindingRow:
         self.signals = build_comparison_rows(self.outcome.comparisons, plots)
 
     @property
-    def advised(self) -> bool:
-        """Whether to show the hint."""
+    def shows_hint(self) -> bool:
+        """Whether the page shows the hint."""
         return self.finding.verdict in (Verdict.FAILED, Verdict.WARNING) and bool(self.finding.hint)
 
 

@@ -243,7 +243,10 @@ def _read_worker_data(config: pytest.Config) -> dict[str, Any] | None:
 
 
 def _find_finding(check: str, examined: Examined, selected: Container[str]) -> Finding | None:
-    """Return the finding of a check, or that of a failed check that has no test; None if there is none."""
+    """Return the finding of a check, or one that explains its lack: a failed check without a test, if any.
+
+    None for a check of another version of FMI without such a failure.
+    """
     from .catalogue import CHECKS
     from .check import Verdict
 

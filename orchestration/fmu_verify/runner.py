@@ -99,7 +99,7 @@ def verify(
 def _name_paths(
     paths: str | Path | Sequence[str | Path] | Mapping[str, str | Path], systems: SystemKind | None
 ) -> dict[str, Path]:
-    """Return paths by their names in reports. Raise CommandError if one is not a file."""
+    """Return the files of paths and folders by their names in reports. Raise CommandError without a file."""
     if isinstance(paths, (str, Path)):
         paths = [paths]
     requested = paths if isinstance(paths, Mapping) else {str(path): path for path in paths}
@@ -152,6 +152,7 @@ def _make_settings(
     fail_on: Sequence[str],
     must_run: Sequence[str],
 ) -> Settings:
+    """Return the settings for arguments of `verify`. Raise CommandError for invalid ones."""
     lists = {"only": only, "skip": skip, "must_run": must_run, "fail_on": fail_on}
     only, skip, must_run, fail_on = (
         convert_value([words] if isinstance(words, str) else list(words), Sequence[str], f"'{name}'")
@@ -162,7 +163,7 @@ def _make_settings(
         check_choice("value of fail-on", word, list(Strictness))
     for name, value in (("seconds", seconds), ("memory", memory)):
         if not 0.0 < convert_value(value, float, f"'{name}'") < 1e9:
-            raise CommandError(f"'{name}' is {value:g}; it must be a positive number.")
+            raise CommandError(f"'{name}' is {value:g}; it must be greater than 0 and less than 1e9.")
     folder = None if reference is None else convert_value(reference, Path, "the reference")
     if folder is not None and not folder.exists():
         raise CommandError(f"the folder of references '{folder}' does not exist.")
@@ -188,7 +189,11 @@ def _make_settings(
 def _make_jobs(
     name: str, path: Path, settings: Settings, systems: SystemKind | None, resources: ExitStack
 ) -> list[ExaminerJob]:
-    """Return the jobs for a path: one for an FMU; for a system, one for each of its FMUs and itself."""
+    """Return the jobs for a path: one for an FMU; for a system, one for each of its FMUs and itself.
+
+    Raises:
+        CommandError: References of a system are to be recorded, or it cannot be unpacked.
+    """
     if systems is None or not _is_system(path, systems):
         return [ExaminerJob(path.absolute(), settings, name, path)]
     if settings.recording is not None:
@@ -220,13 +225,13 @@ def examine_all(
     pool = ChildPool(lambda: Child(examine_jobs, str(folder)))
     count = count_cores() + 1  # checks also wait, for example for the next second
     with ThreadPoolExecutor(min(count, len(jobs))) as threads:
-        examined = [threads.submit(_examine, job, pool, advance) for job in jobs]
-        pending = set(examined)
+        futures = [threads.submit(_examine, job, pool, advance) for job in jobs]
+        pending = set(futures)
         try:
             while pending:
                 finished, pending = wait(pending, POLL_INTERVAL)
-                for job in finished:
-                    job.result()
+                for future in finished:
+                    future.result()
                 if pending and not pool.is_closed and interrupted is not None and interrupted():
                     pool.close()
             is_complete = not pool.is_closed
@@ -234,7 +239,7 @@ def examine_all(
             pool.close()
             if pending:  # an error or a second Ctrl-C; checks notice it before their folder is removed
                 time.sleep(2.0 * POLL_INTERVAL)
-    return tuple(job.result() for job in examined), is_complete
+    return tuple(future.result() for future in futures), is_complete
 
 
 def _examine(job: ExaminerJob, pool: ChildPool, advance: Callable[[], None]) -> Examined:

@@ -81,6 +81,7 @@ def _list_results(report: Findings) -> Iterator[dict[str, Any]]:
 
 
 def _choose_level(finding: Finding) -> str | None:
+    """Return the level of a result; None for a finding that is not reported as one."""
     if finding.is_noted:
         return "note"
     return {Verdict.FAILED: "error", Verdict.WARNING: "warning"}.get(finding.verdict)

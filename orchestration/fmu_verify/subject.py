@@ -161,6 +161,6 @@ class Subject:
         return find_library(self.folder, self.find_kind_element(kind or self.kinds[0]).modelIdentifier)
 
     def of_causality(self, *causalities: str, kind: str = "Real") -> list[ModelVariable]:
-        """Return the variables of these causalities and a type, in the order of the model description."""
+        """Return the variables of these causalities and one type, by default Real, in their order."""
         variables = self.description.modelVariables
         return [v for v in variables if v.causality in causalities and v.type == kind]

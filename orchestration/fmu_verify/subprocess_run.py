@@ -75,7 +75,8 @@ class CheckProcess:
     def call(self, arguments: tuple[Any, ...], seconds: float) -> CheckOutcome:
         """Call `do` with further arguments, for at most `seconds`. `can_continue` is then up to date.
 
-        The outcome is failed, with the last note, if the process ends, exceeds a limit, or `do` raises.
+        The outcome is failed or blocked, with the last note, if the process ends, exceeds a limit, or `do`
+        raises.
         """
         with suppress(ChildEndedError):  # `receive` reports it
             self._child.send(arguments)
@@ -98,7 +99,7 @@ def _receive_outcome(child: Child, notes: CrashPageFile, seconds: float) -> tupl
     while True:
         try:
             answer = child.receive_bytes(min(POLL_INTERVAL, start + seconds - now))
-            return read_outcome(answer[1:]), answer[:1] == _CAN_CONTINUE, False
+            return decode_outcome(answer[1:]), answer[:1] == _CAN_CONTINUE, False
         except TimeoutError:
             now = time.monotonic()
         except (ChildEndedError, ValueError) as error:
@@ -146,7 +147,7 @@ def _serve(
     limit_memory(memory)
     for arguments in channel.requests():
         note(_FIRST, is_reading=True)
-        outcome = write_outcome(_call_limited(do, (*first, *arguments), memory))
+        outcome = encode_outcome(_call_limited(do, (*first, *arguments), memory))
         channel.send_bytes((_ENDS if _is_used else _CAN_CONTINUE) + outcome)
         # an FMU may have changed the process, so that no other check runs in it
         if _is_used:
@@ -154,6 +155,7 @@ def _serve(
 
 
 def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], memory: int) -> CheckOutcome:
+    """Return the outcome of `do`; exceptions become outcomes, too."""
     try:
         return do(*arguments)
     except MemoryError:
@@ -172,13 +174,13 @@ def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], m
         return failed(f"{ERROR_OF_CHECK} {type(error).__name__}: {error}.")
 
 
-def write_outcome(outcome: CheckOutcome) -> bytes:
+def encode_outcome(outcome: CheckOutcome) -> bytes:
     """Return an outcome as one line of JSON, without its end: reading it executes nothing."""
     return json.dumps(outcome, default=_to_plain).encode("ascii")
 
 
-def read_outcome(text: bytes) -> CheckOutcome:
-    """Return the outcome of `write_outcome`.
+def decode_outcome(text: bytes) -> CheckOutcome:
+    """Return the outcome of `encode_outcome`.
 
     Raises:
         ValueError: It is something else.

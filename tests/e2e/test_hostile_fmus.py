@@ -17,7 +17,7 @@ import pytest
 import emla_cosim as ec
 from fmu_verify import confinement
 from fmu_verify.check import Verdict
-from fmu_verify.confinement import can_confine, confine, list_gaps
+from fmu_verify.confinement import can_confine, confine, list_confinement_gaps
 from fmu_verify.examination import list_unexamined
 from fmu_verify.report_files import REPORT_FILES
 from fmu_verify.subprocess_run import in_fresh_process
@@ -104,7 +104,9 @@ def _confined(folder: Path, outside: Path) -> list[str]:
 def test_confined_process_reaches_nothing_outside(tmp_path: Path) -> None:
     (folder := tmp_path / "scratch").mkdir()
     (outside := tmp_path / "other").write_text("content")
-    allowed = ["signal"] if any(line.startswith("Other processes") for line in list_gaps()) else []
+    allowed = (
+        ["signal"] if any(line.startswith("Other processes") for line in list_confinement_gaps()) else []
+    )
     assert in_fresh_process(_confined, folder, outside) == allowed
     assert (folder / "mine").read_text() == "allowed"
     assert outside.read_text() == "content"

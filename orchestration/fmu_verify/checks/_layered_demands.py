@@ -44,6 +44,7 @@ Member = tuple[str, DeclaredVariable]
 
 
 def _list_terminals(subject: Subject) -> list[Any]:
+    """Return all terminals, also inner ones; none if there is no description of them, or it is not XML."""
     path = subject.folder / TERMINALS
     try:
         root = parse_xml(path.read_bytes()) if path.is_file() else None
@@ -85,6 +86,7 @@ def judge_buses(subject: Subject) -> Iterator[Problem]:
 def _judge_transceiver(
     name: str, variable_names: Mapping[str, str], variables: Mapping[str, DeclaredVariable]
 ) -> Iterator[Problem]:
+    """Yield what is wrong with a bus terminal; `variable_names` has its variables by member."""
     for member in ("Tx_Data", "Tx_Clock", "Rx_Data", "Rx_Clock"):
         if member not in variable_names:
             yield Breach(f"The bus terminal {name} has no member {member}.", quote("bus.members"))
@@ -201,16 +203,17 @@ def judge_xcp(manifest: LayeredManifest, subject: Subject) -> Iterator[Problem]:
     """Yield what is wrong with the interfaces of the manifest of FMI-LS-XCP."""
     interfaces = list(manifest.root.iter("{*}Interface"))
     for interface in interfaces:
-        yield from _judge_interface(interface, manifest.path.parent, subject)
+        yield from _judge_xcp_interface(interface, manifest.path.parent, subject)
     names = [e.get("name") for e in manifest.root.iter("{*}Variable")]
     for name in find_repeated(names):
         yield Breach(f"{manifest.label} has more than one Variable {name}.", quote("xcp.variable_once"))
     by_name = {name: v for v in subject.declared.variables for name in (v.name, *v.aliases)}
     for element in manifest.root.iter("{*}Variable"):
-        yield from _judge_variable(element, by_name.get(element.get("name")))
+        yield from _judge_xcp_variable(element, by_name.get(element.get("name")))
 
 
-def _judge_interface(interface: Any, folder: Path, subject: Subject) -> Iterator[Problem]:
+def _judge_xcp_interface(interface: Any, folder: Path, subject: Subject) -> Iterator[Problem]:
+    """Yield what is wrong with an interface: its A2L files, flags, types and roles."""
     definition = interface.get("definition")
     who = f"The interface {definition}"
     parts = unquote(definition).split("/")
@@ -235,7 +238,8 @@ def _judge_interface(interface: Any, folder: Path, subject: Subject) -> Iterator
         yield Breach(f"{who} has more than one Variable with the role {role}.", quote("xcp.role_once"))
 
 
-def _judge_variable(element: Any, variable: DeclaredVariable | None) -> Iterator[Problem]:
+def _judge_xcp_variable(element: Any, variable: DeclaredVariable | None) -> Iterator[Problem]:
+    """Yield what is wrong with a variable of a manifest; `variable` is None if the FMU lacks it."""
     role = element.get("role")
     if variable is None:
         message = f"The role {role} is of {element.get('name')}, which is not a variable of the FMU."

@@ -10,7 +10,14 @@ from emla_cosim.base.arrays import Vector
 
 from ..host.experiment import make_experiment
 from ..host.hosted_instance import HostedInstance
-from ..host.points import Dependency, Point, at_events, choose, in_initialization, run_model
+from ..host.points import (
+    Dependency,
+    Point,
+    choose,
+    list_run_dependencies,
+    run_model,
+    yield_points_in_initialization,
+)
 from ..subject import Subject
 
 MOST_STATES = 50
@@ -31,7 +38,7 @@ def list_settable_states(subject: Subject) -> list[str]:
     return [n for n in states if variables[n].initial == "exact" and variables[n].start is not None]
 
 
-def in_initialization_with_states(subject: Subject, count: int) -> Iterator[Point]:
+def yield_points_with_states(subject: Subject, count: int) -> Iterator[Point]:
     """Yield points in initialization mode, with states as further knowns and derivatives as unknowns."""
     states = list_settable_states(subject)[:MOST_STATES]
     initial_unknowns = [(u.variable, u.dependencies) for u in subject.description.initialUnknowns]
@@ -40,17 +47,17 @@ def in_initialization_with_states(subject: Subject, count: int) -> Iterator[Poin
         for v, on in initial_unknowns
         if v is not None and v.type == "Real" and v.name not in states
     ]
-    for point in in_initialization(subject, count):
+    for point in yield_points_in_initialization(subject, count):
         values = dict(zip(states, map(float, point.instance.get(states)), strict=True))
         knowns = [n for n in point.knowns if n not in states]
         yield replace(point, dependencies=real, knowns=[*knowns, *states], values={**point.values, **values})
 
 
-def in_step_mode(subject: Subject, count: int) -> Iterator[Point]:
-    """Yield a co-simulation after some of its steps, with continuous inputs as knowns."""
+def yield_points_in_step_mode(subject: Subject, count: int) -> Iterator[Point]:
+    """Yield points after some steps of a co-simulation, with continuous inputs as knowns."""
     course = make_experiment(subject)
     knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
-    dependencies, moved_inputs = choose(at_events(subject), knowns)
+    dependencies, moved_inputs = choose(list_run_dependencies(subject), knowns)
     instance, last = HostedInstance(subject, kind="CoSimulation"), len(course.times) - 1
     instance.initialize(course.at(0), float(course.times[0]))
     chosen_steps = {*np.linspace(1, last, count).astype(int)}
@@ -88,8 +95,8 @@ class _ModelPoint(Point):
             self.instance.fmu.setContinuousStates((ctypes.c_double * len(values))(*values), len(values))
 
 
-def in_continuous_time_mode(subject: Subject, count: int) -> Iterator[Point]:
-    """Yield a model in continuous-time mode at several times, with inputs and states as knowns."""
+def yield_points_in_continuous_time(subject: Subject, count: int) -> Iterator[Point]:
+    """Yield points of a model in continuous-time mode at several times, with inputs and states as knowns."""
     states = list_states(subject)
     inputs = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
     inputs = [name for name in inputs if name not in states]
@@ -104,6 +111,6 @@ def in_continuous_time_mode(subject: Subject, count: int) -> Iterator[Point]:
         values = {**{n: input_values[n] for n in inputs}, **dict(zip(states, state_values, strict=True))}
         knowns = [*inputs, *states[:MOST_STATES]]
         where = f"of the model in continuous time at t = {time:.9g} s"
-        yield _ModelPoint(instance, at_events(subject), knowns, values, where, states)
+        yield _ModelPoint(instance, list_run_dependencies(subject), knowns, values, where, states)
         with instance.calling():
             instance.fmu.enterEventMode()

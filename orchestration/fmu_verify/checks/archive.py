@@ -67,7 +67,7 @@ def safe(subject: Subject) -> CheckOutcome:
         message = error.strerror if isinstance(error, OSError) else str(error)
         reason = shorten_sentence(message or type(error).__name__).rstrip(".")
         return failed(f"It cannot be unpacked: {reason}.")
-    return judge_problems((), f"Its {len(entries)} entries were unpacked.", _find_colliding(entries))
+    return judge_problems((), f"Its {len(entries)} entries were unpacked.", _find_case_collisions(entries))
 
 
 def _is_lfs_pointer(path: Path) -> bool:
@@ -90,7 +90,7 @@ def _check_entries(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:
         )
 
 
-def _find_colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
+def _find_case_collisions(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
     """Return warnings about files that overwrite each other on case-insensitive file systems."""
     names_by_key: dict[str, list[str]] = {}
     for entry in entries:
@@ -105,7 +105,7 @@ def _find_colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
 
 @check("archive.format", needs=("archive.safe",))
 def format_(subject: Subject) -> CheckOutcome:
-    """Check that entries are stored or deflated and need no version of the format newer than 2.0."""
+    """Check that entries are stored or deflated, in format 2.0, and stored ones have their size first."""
     with zipfile.ZipFile(subject.path) as archive:
         entries = archive.infolist()
     problems = [
@@ -134,14 +134,15 @@ def layout(subject: Subject) -> CheckOutcome:
         problems += _find_missing_companions(subject.folder)
     missing = {name.casefold() for name in _STANDARD_ENTRIES if not (subject.folder / name).exists()}
     doubts = [
-        f"The top folder has {name}, which is not in the standard{_suggest(name)}."
+        f"The top folder has {name}, which is not in the standard{_suggest_entry(name)}."
         for name in unknown
         if name.casefold() not in missing  # those are problems
     ]
     return judge_problems(problems, "The top folder has only entries of the standard.", doubts)
 
 
-def _suggest(name: str) -> str:
+def _suggest_entry(name: str) -> str:
+    """Return the end of a message with a similar name of the standard; empty if there is none."""
     close = difflib.get_close_matches(name.casefold(), _STANDARD_ENTRIES, n=1, cutoff=0.7)
     return f"; it has {close[0]}" if close else ""
 

@@ -10,7 +10,7 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.base.arrays import Vector
 
 from ..check import CheckOutcome, check, failed, noted, passed, quote, skipped, unjudged, warned
-from ..host.experiment import make_experiment, read_limits, read_span, take_in_time, walk
+from ..host.experiment import make_experiment, read_limits, read_span, step_through, take_in_time
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import Values, choose_other, list_other_values, list_settable, read_start
 from ..messages import join_few_names, judge_problems, list_left_out
@@ -87,7 +87,7 @@ def _run_with_constant_inputs(
     instance, course = HostedInstance(subject), make_experiment(subject, _STEPS)
     instance.initialize(changes, float(course.times[0]))
     rows, points = [], []
-    for k in walk(instance, course.times[:-1], course.step, lambda _: instance.set(changes)):
+    for k in step_through(instance, course.times[:-1], course.step, lambda _: instance.set(changes)):
         rows.append([float(value) for value in instance.get(names)])
         points.append(float(course.times[k]) if instance.reached is None else instance.reached)
     instance.free()
@@ -138,7 +138,7 @@ def inputs(subject: Subject) -> CheckOutcome:
         ):
             unused.append(variable.name)
     if unused:
-        unused, steps = [*_find_inputs_without_late_effect(subject, unused, names)], _MORE_STEPS
+        unused, steps = [*_find_inputs_unused_in_longer_run(subject, unused, names)], _MORE_STEPS
     gaps = list_left_out(examined_count, len(variables), "inputs were moved alone.")
     message = f"{examined_count - len(unused)} of {examined_count} inputs changed a result."
     if unused:  # parameters or states, such as the direction of a flow, may switch them off
@@ -146,11 +146,11 @@ def inputs(subject: Subject) -> CheckOutcome:
     return passed(message, gaps=gaps)
 
 
-def _find_inputs_without_late_effect(
+def _find_inputs_unused_in_longer_run(
     subject: Subject, input_names: Sequence[str], names: Sequence[str]
 ) -> Iterator[str]:
     """Yield those of these inputs that change nothing in a longer run, either: it may sample them rarely."""
-    baseline = in_separate_process(_observe, subject, {}, names, _MORE_STEPS)
+    baseline = in_separate_process(_record_run, subject, {}, names, _MORE_STEPS)
     for name in take_in_time(input_names, _TIME_FRACTION * subject.settings.seconds):
         values = {name: choose_other(subject.variables[name])}
         if not _is_run_changed(subject, values, names, baseline, _MORE_STEPS):
@@ -163,7 +163,7 @@ def _has_effect(subject: Subject, variables: Sequence[ModelVariable], names: Seq
     single_moves = [{v.name: choose_other(v)} for v in variables]  # together, they may cancel out
     for parameters, moves in take_in_time(_combine_values(subject, variables), limit):
         try:
-            baseline = in_separate_process(_observe, subject, parameters, names)
+            baseline = in_separate_process(_record_run, subject, parameters, names)
         except CallError:  # the model does not accept these values together
             continue
         for values in take_in_time(moves if parameters else [*moves, *single_moves], limit):
@@ -204,7 +204,7 @@ def _run_bases(
         for values in moves if parameters else ({}, *moves):
             base = {**parameters, **values}
             with suppress(CallError):  # the model does not accept these values together
-                yield base, in_separate_process(_observe, subject, base, names)
+                yield base, in_separate_process(_record_run, subject, base, names)
 
 
 class _Cached:
@@ -221,7 +221,7 @@ class _Cached:
 
 
 def _list_far_values(variable: ModelVariable) -> list[float]:
-    """Return values of a Real far above and below the others."""
+    """Return values of a Real far above and below the others; none for other types."""
     if variable.type != "Real":
         return []
     low, high = read_limits(variable)
@@ -238,28 +238,31 @@ def _list_alternatives(variable: ModelVariable, base: Values) -> list[Any]:
 def _is_run_changed(
     subject: Subject, changes: Values, names: Sequence[str], expected: Any, steps: int = _STEPS
 ) -> bool:
+    """Return whether a run with these values differs from the expected one, or the FMU refuses them."""
     try:
-        return in_separate_process(_observe, subject, changes, names, steps) != expected
+        return in_separate_process(_record_run, subject, changes, names, steps) != expected
     except CallError:  # the model does not accept this value, so it counts
         return True
 
 
-def _observe(subject: Subject, changes: Values, names: Sequence[str], steps: int = _STEPS) -> list[list[Any]]:
-    """Return values after initialization and each step of a run with these inputs."""
+def _record_run(
+    subject: Subject, changes: Values, names: Sequence[str], steps: int = _STEPS
+) -> list[list[Any]]:
+    """Return values as texts, after initialization and each step of a run with these changes."""
     start, step, count = read_span(subject)
     instance = HostedInstance(subject)
     instance.initialize(changes, start)
     rows = [[str(v) for v in instance.get(names)]]
     inputs = {n: v for n, v in changes.items() if subject.variables[n].causality == "input"}
     times = (start + k * step for k in range(min(count, steps)))
-    for _ in walk(instance, times, step, lambda _: instance.set(inputs)):
+    for _ in step_through(instance, times, step, lambda _: instance.set(inputs)):
         rows.append([str(v) for v in instance.get(names)])
     instance.free()
     return rows
 
 
 def _list_results(subject: Subject) -> list[str]:
-    """Return the names of outputs and derivatives."""
+    """Return the names of outputs, derivatives and states: the first ones, if there are many."""
     description = subject.description
     result_names = [v.name for v in description.modelVariables if v.causality == "output"]
     states = [v.derivative.name for v in description.modelVariables if v.derivative is not None]
@@ -319,4 +322,4 @@ def _run_with_input_derivatives(
             instance.fmu.setRealInputDerivatives(references, [1] * len(references), rates)
 
     times = (start + k * step for k in range(min(count, 3)))
-    return [[str(v) for v in instance.get(names)] for _ in walk(instance, times, step, prepare)]
+    return [[str(v) for v in instance.get(names)] for _ in step_through(instance, times, step, prepare)]

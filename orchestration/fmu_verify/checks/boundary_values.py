@@ -10,7 +10,14 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.base.wording import format_count
 
 from ..check import CheckOutcome, check, skipped
-from ..host.experiment import list_outputs, make_experiment, read_span, step_instance, take_in_time, walk
+from ..host.experiment import (
+    list_outputs,
+    make_experiment,
+    read_span,
+    step_instance,
+    step_through,
+    take_in_time,
+)
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import are_same, choose_other, format_value, list_settable
 from ..messages import join_few_names, judge_problems, list_left_out
@@ -23,7 +30,7 @@ _MAX_VARIABLES = 300
 
 @check("values.initial", needs=("run.finite",))
 def initial(subject: Subject) -> CheckOutcome:
-    """Read outputs in initialization mode; those of Clocks may begin with the first tick."""
+    """Check that outputs are finite in initialization mode; those of Clocks may begin with the first tick."""
     instance, course = HostedInstance(subject), make_experiment(subject, 1)
     output_names = [n for n in list_outputs(subject) if not subject.variables[n].clocks]
     names = output_names[:_MAX_VARIABLES]
@@ -145,10 +152,10 @@ def late(subject: Subject) -> CheckOutcome:
     if not variables or not results:
         return skipped("It has no tunable parameter and no input with another valid value, or no output.")
     judged_count, late_effects, not_kept = 0, list[_LateEffect](), list[str]()
-    plain = in_separate_process(_run, subject, results, None, 0, _LATE_STEPS)[0]
+    plain = in_separate_process(_run_with_change, subject, results, None, 0, _LATE_STEPS)[0]
     for variable in take_in_time(variables[:_MOST], subject.settings.seconds):
         with suppress(CallError):  # the model does not accept this value
-            late_effects += _examine_variable(subject, variable, results, plain, not_kept)
+            late_effects += _find_late_effects(subject, variable, results, plain, not_kept)
             judged_count += 1
     description = "inputs and tunable parameters were set between steps."
     gaps = list_left_out(judged_count, len(variables), description)
@@ -179,26 +186,32 @@ def _list_results(subject: Subject) -> list[str]:
     return list(dict.fromkeys([*names, *slopes]))
 
 
-def _examine_variable(
+def _find_late_effects(
     subject: Subject, variable: ModelVariable, results: list[str], plain: Rows, not_kept: list[str]
 ) -> Iterator[_LateEffect]:
-    """Yield what is wrong with a variable; `not_kept` gets it if its value is not kept."""
-    first = in_separate_process(_run, subject, results, variable, 0, _LATE_STEPS)[0]
+    """Yield what is wrong with a variable; `not_kept` gets a message if it does not keep its value."""
+    first = in_separate_process(_run_with_change, subject, results, variable, 0, _LATE_STEPS)[0]
     at_start = _find_effect(first, plain, 0)
     if at_start is None or _find_effect(first[2:], plain[2:], 0) is None:
         return  # nothing, or only in initial values that vanish
     # several instants, since one may be when the FMU samples its inputs
     delays = list[int | None]()
     for change_step in _STEPS_OF_CHANGE:
-        rows, value = in_separate_process(_run, subject, results, variable, change_step, _LATE_STEPS)
+        rows, value = in_separate_process(
+            _run_with_change, subject, results, variable, change_step, _LATE_STEPS
+        )
         if change_step == _STEPS_OF_CHANGE[0] and not are_same(value, choose_other(variable)):
             new = format_value(choose_other(variable))
-            not_kept.append(f"{variable.name} is {format_value(value)} after it was set to {new} later.")
+            not_kept.append(
+                f"{variable.name} is {format_value(value)} after it was set to {new} between steps."
+            )
             return
         delays.append(_find_effect(rows, plain, change_step))
     if set(delays) == {None}:
-        longer = in_separate_process(_run, subject, results, None, 0, _MORE_STEPS)[0]
-        rows, _ = in_separate_process(_run, subject, results, variable, _STEPS_OF_CHANGE[0], _MORE_STEPS)
+        longer = in_separate_process(_run_with_change, subject, results, None, 0, _MORE_STEPS)[0]
+        rows, _ = in_separate_process(
+            _run_with_change, subject, results, variable, _STEPS_OF_CHANGE[0], _MORE_STEPS
+        )
         if _find_effect(rows, longer, _STEPS_OF_CHANGE[0]) is None and len(rows) > _LATE_STEPS:
             yield _LateEffect(variable.name, None)
         return
@@ -216,7 +229,7 @@ def _find_effect(rows: Rows, plain: Rows, change_step: int) -> int | None:
     return None
 
 
-def _run(
+def _run_with_change(
     subject: Subject, results: list[str], variable: ModelVariable | None, change_step: int, steps: int
 ) -> tuple[Rows, Any]:
     """Return results after initialization and each step, and the value of a variable after it was set.
@@ -235,6 +248,6 @@ def _run(
             values[:] = instance.get(list(changes))
 
     times = (start + k * step for k in range(min(count, steps, subject.most_steps)))
-    rows += [[str(v) for v in instance.get(results)] for _ in walk(instance, times, step, change)]
+    rows += [[str(v) for v in instance.get(results)] for _ in step_through(instance, times, step, change)]
     instance.free()
     return rows, values[0]

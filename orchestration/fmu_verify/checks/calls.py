@@ -11,7 +11,14 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.fmu.instance import FATAL, FINE
 
 from ..check import RETURNS, CheckOutcome, check, failed, noted, passed, quote, warned
-from ..host.experiment import list_outputs, make_experiment, parse_number, read_span, take_in_time, walk
+from ..host.experiment import (
+    list_outputs,
+    make_experiment,
+    parse_number,
+    read_span,
+    step_through,
+    take_in_time,
+)
 from ..host.hosted_instance import CallError, HostedInstance
 from ..messages import list_left_out
 from ..subject import Subject
@@ -20,7 +27,7 @@ from ..subprocess_run import EndedError, in_fresh_process, in_separate_process
 _PHASES = ("before initialization", "in initialization mode", "after initialization", "after fmi2Terminate")
 
 
-class _Forbidden(NamedTuple):
+class _ForbiddenCall(NamedTuple):
     """A call that the standard's table of calling sequences does not allow in a phase."""
 
     phase: str
@@ -36,22 +43,22 @@ _CALLS: dict[str, Callable[[HostedInstance], int]] = {
 """Calls of functions with arguments."""
 
 
-def _make_forbidden(phase: str, function: str) -> _Forbidden:
-    return _Forbidden(phase, function, _CALLS.get(function, lambda instance: instance.status(function)))
+def _make_forbidden_call(phase: str, function: str) -> _ForbiddenCall:
+    return _ForbiddenCall(phase, function, _CALLS.get(function, lambda instance: instance.status(function)))
 
 
 _BEFORE, _INITIALIZING, _AFTER, _TERMINATED = _PHASES
 _OF_BOTH = (
-    _make_forbidden(_BEFORE, "fmi2ExitInitializationMode"),
-    _make_forbidden(_BEFORE, "fmi2Terminate"),
-    _make_forbidden(_INITIALIZING, "fmi2EnterInitializationMode"),
-    _make_forbidden(_AFTER, "fmi2EnterInitializationMode"),
-    _make_forbidden(_AFTER, "fmi2ExitInitializationMode"),
-    _make_forbidden(_AFTER, "fmi2SetupExperiment"),
-    _make_forbidden(_TERMINATED, "fmi2EnterInitializationMode"),
+    _make_forbidden_call(_BEFORE, "fmi2ExitInitializationMode"),
+    _make_forbidden_call(_BEFORE, "fmi2Terminate"),
+    _make_forbidden_call(_INITIALIZING, "fmi2EnterInitializationMode"),
+    _make_forbidden_call(_AFTER, "fmi2EnterInitializationMode"),
+    _make_forbidden_call(_AFTER, "fmi2ExitInitializationMode"),
+    _make_forbidden_call(_AFTER, "fmi2SetupExperiment"),
+    _make_forbidden_call(_TERMINATED, "fmi2EnterInitializationMode"),
 )
 _OF = {
-    kind: tuple(_make_forbidden(phase, function) for phase in (_BEFORE, _INITIALIZING, _TERMINATED))
+    kind: tuple(_make_forbidden_call(phase, function) for phase in (_BEFORE, _INITIALIZING, _TERMINATED))
     for kind, function in (("CoSimulation", "fmi2DoStep"), ("ModelExchange", "fmi2EnterContinuousTimeMode"))
 }
 
@@ -64,7 +71,7 @@ def phases(subject: Subject) -> CheckOutcome:
     """
     judge = warned if subject.version == 3 else noted
     try:
-        count, accepted = in_fresh_process(_find_accepted, subject)
+        count, accepted = in_fresh_process(_find_accepted_calls, subject)
     except EndedError as error:
         return judge(str(error))
     if accepted:
@@ -75,7 +82,7 @@ def phases(subject: Subject) -> CheckOutcome:
     return passed(f"The FMU refused {count} calls in a wrong phase.")
 
 
-def _find_accepted(subject: Subject) -> tuple[int, list[str]]:
+def _find_accepted_calls(subject: Subject) -> tuple[int, list[str]]:
     """Return the number of calls, and those that returned fmi2OK."""
     calls = [*_OF_BOTH, *_OF[subject.kinds[0]]]
     calls += [*_yield_parameter_calls(subject), *_yield_clock_calls(subject)]
@@ -86,30 +93,30 @@ def _find_accepted(subject: Subject) -> tuple[int, list[str]]:
     return len(calls), accepted
 
 
-def _yield_parameter_calls(subject: Subject) -> Iterator[_Forbidden]:
+def _yield_parameter_calls(subject: Subject) -> Iterator[_ForbiddenCall]:
     """Yield the call that sets a fixed parameter after initialization, if there is one."""
     fixed = [v for v in subject.of_causality("parameter") if v.variability == "fixed" and v.start is not None]
     for variable in fixed[:1]:
         values = {variable.name: parse_number(variable.start, 0.0)}
         name = f"fmi2SetReal of the fixed parameter {variable.name}"
-        yield _Forbidden(_AFTER, name, lambda i, v=values: i.set_status(v))
+        yield _ForbiddenCall(_AFTER, name, lambda i, v=values: i.set_status(v))
 
 
-def _yield_clock_calls(subject: Subject) -> Iterator[_Forbidden]:
+def _yield_clock_calls(subject: Subject) -> Iterator[_ForbiddenCall]:
     """Yield the call that makes a Clock tick in step mode, if there is one."""
     for clock in subject.input_clocks[:1]:
         reference, active = (c_uint * 1)(clock.reference), (c_bool * 1)(True)
         name = f"fmi3SetClock of {clock.name} in step mode"
-        yield _Forbidden(_AFTER, name, lambda i, r=reference, a=active: i.status("fmi3SetClock", r, 1, a))
+        yield _ForbiddenCall(_AFTER, name, lambda i, r=reference, a=active: i.status("fmi3SetClock", r, 1, a))
 
 
-def list_refused_calls(subject: Subject) -> list[_Forbidden]:
-    """Return a few calls in a wrong phase that most FMUs refuse."""
+def list_calls_usually_refused(subject: Subject) -> list[_ForbiddenCall]:
+    """Return a few calls in a wrong phase that most FMUs refuse. This calls no function."""
     return [*_OF_BOTH[:4], *_OF[subject.kinds[0]][:1], *_yield_parameter_calls(subject)]
 
 
 def go_to_phase(instance: HostedInstance, phase: str) -> None:
-    """Call what leads to a phase."""
+    """Bring a new instance to a phase, by the calls that lead there."""
     reached = _PHASES.index(phase)
     if reached >= 1:
         instance.begin_initialization(read_span(instance.subject)[0])
@@ -119,7 +126,7 @@ def go_to_phase(instance: HostedInstance, phase: str) -> None:
         instance.terminate()
 
 
-def _call_in_phase(subject: Subject, forbidden: _Forbidden) -> int:
+def _call_in_phase(subject: Subject, forbidden: _ForbiddenCall) -> int:
     """Return the status of a call in its phase. Then reset the instance, if it can be, and free it."""
     instance = HostedInstance(subject)
     go_to_phase(instance, forbidden.phase)
@@ -154,7 +161,7 @@ def nonfinite(subject: Subject) -> CheckOutcome:
     gaps = list_left_out(variable_count, len(variables), "inputs and parameters were set to NaN.")
     if accepted:
         message = (
-            f"The FMU accepted {len(accepted)} values that are not finite, without a message: {accepted[0]}"
+            f"The FMU accepted {len(accepted)} values that are not finite, without an error: {accepted[0]}"
         )
         return noted(message, details=tuple(accepted), gaps=gaps)
     message = f"{variable_count} inputs and parameters were set to NaN and infinity, without harm."
@@ -162,7 +169,7 @@ def nonfinite(subject: Subject) -> CheckOutcome:
 
 
 def _find_accepted_values(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list[str], int]:
-    """Return values that were accepted without a message although NaN comes out, and how many were tried."""
+    """Return messages on values that were accepted although NaN comes out, and the number of variables."""
     values = (math.nan, math.inf)
     accepted, call_count = list[str](), 0
     for variable, value in take_in_time(product(variables, values), 0.5 * subject.settings.seconds):
@@ -192,7 +199,7 @@ def _find_nonfinite_output(
     try:
         instance.initialize({**course.at(0), **before}, float(course.times[0]))
         prepare = lambda k: instance.set({**course.at(k), **later})  # noqa: E731
-        for _ in walk(instance, course.times[:-1], course.step, prepare):
+        for _ in step_through(instance, course.times[:-1], course.step, prepare):
             pass
         output_values = [] if instance.terminated else instance.get(names)
     except CallError as error:
@@ -219,7 +226,7 @@ def arguments(subject: Subject) -> CheckOutcome:
     for wrong in _list_wrong_calls(subject):
         count += 1
         try:
-            message = in_fresh_process(_describe_accepted_call, subject, wrong)
+            message = in_fresh_process(_try_wrong_call, subject, wrong)
         except EndedError as error:
             return warned(str(error))
         accepted += [message] if message else []
@@ -266,8 +273,8 @@ def _list_wrong_calls(subject: Subject) -> Iterator[_WrongCall]:
             yield _WrongCall("fmi3GetFloat64", int(v.valueReference), count, size, argument_fault)
 
 
-def _describe_accepted_call(subject: Subject, wrong: _WrongCall) -> str:
-    """Return what was accepted, as a message; empty if the FMU refuses the call."""
+def _try_wrong_call(subject: Subject, wrong: _WrongCall) -> str:
+    """Make a wrong call. Return what was accepted, as a message; empty if the FMU refuses it."""
     instance = HostedInstance(subject)
     if wrong.function.startswith("fmi3Set"):
         instance.begin_initialization(read_span(subject)[0])

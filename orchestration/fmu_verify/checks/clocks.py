@@ -52,11 +52,19 @@ def clocks(subject: Subject) -> CheckOutcome:
 def _judge_clock(clock: DeclaredVariable) -> Iterator[Problem]:
     attributes, kind = clock.attributes, clock.attributes.get("intervalVariability", "")
     if clock.causality not in ("input", "output", "local"):
-        yield Breach(f"The Clock {clock} has the causality {clock.causality}.", quote("clocks.causality"))
+        yield Breach(
+            f"The Clock {clock} has the causality {clock.causality}, which is none of "
+            "input, output and local.",
+            quote("clocks.causality"),
+        )
     if clock.variability != "discrete":
-        yield Breach(f"The Clock {clock} is {clock.variability}.", quote("clocks.variability"))
+        yield Breach(
+            f"The Clock {clock} is {clock.variability}; it must be discrete.", quote("clocks.variability")
+        )
     if clock.causality == "output" and kind != "triggered":
-        yield Breach(f"The output Clock {clock} has the intervalVariability {kind}.", _TRIGGERED)
+        yield Breach(
+            f"The output Clock {clock} has the intervalVariability {kind}, not triggered.", _TRIGGERED
+        )
     interval, shift = attributes.get("intervalDecimal"), attributes.get("shiftDecimal")
     if interval is None and kind == "constant":
         # 2.2.8.2 says what fixed and tunable Clocks without it mean
@@ -64,12 +72,14 @@ def _judge_clock(clock: DeclaredVariable) -> Iterator[Problem]:
     if interval is not None and kind not in _PERIODIC:
         yield Breach(f"The Clock {clock} is {kind}, but has an intervalDecimal.", quote("clocks.not_used"))
     if interval is not None and not 0.0 < float(interval) < math.inf:
-        yield Breach(f"The Clock {clock} has the intervalDecimal {interval}.", quote("clocks.interval"))
+        message = f"The Clock {clock} has the intervalDecimal {interval}; it must be positive and finite."
+        yield Breach(message, quote("clocks.interval"))
     yield from _judge_fractions(clock, kind)
     if shift is not None and interval is None:
         yield Breach(f"The Clock {clock} has a shiftDecimal, but no intervalDecimal.", quote("clocks.shift"))
     if shift is not None and not float(shift) >= 0.0:
-        yield Breach(f"The Clock {clock} has the shiftDecimal {shift}.", quote("clocks.shift_value"))
+        message = f"The Clock {clock} has the shiftDecimal {shift}; it must not be negative."
+        yield Breach(message, quote("clocks.shift_value"))
 
 
 def _judge_fractions(clock: DeclaredVariable, kind: str) -> Iterator[Problem]:
@@ -82,7 +92,8 @@ def _judge_fractions(clock: DeclaredVariable, kind: str) -> Iterator[Problem]:
         if counter is None:
             continue
         if attributes.get("supportsFraction") not in ("true", "1") or kind not in _PERIODIC:
-            yield Breach(f"The Clock {clock} has {attribute}, but is {kind}, or no fraction.", _FRACTION)
+            but = f"is {kind}" if kind not in _PERIODIC else "supportsFraction is not true"
+            yield Breach(f"The Clock {clock} has {attribute}, but {but}.", _FRACTION)
         elif resolution is None:
             yield Breach(f"The Clock {clock} has {attribute}, but no resolution.", quote("clocks.resolution"))
         elif decimal is not None and int(resolution) > 0:
@@ -167,8 +178,10 @@ def _judge_dimensions(variable: DeclaredVariable, declared: Declarations) -> Ite
         yield Breach(f"A Dimension of {variable} has the size 0.", quote("clocks.size"))
     elif None not in sizes:
         count = math.prod(size or 0 for size in sizes)
-        if variable.starts not in (0, 1, count):
-            yield Breach(f"{variable} has {count} elements, but {variable.starts} start values.", _STARTS)
+        if variable.start_count not in (0, 1, count):
+            yield Breach(
+                f"{variable} has {count} elements, but {variable.start_count} start values.", _STARTS
+            )
 
 
 _SAME = 1e-9
@@ -207,7 +220,7 @@ def intervals(subject: Subject) -> CheckOutcome:
 
 
 def _read_interval(instance: HostedInstance, function: str, clock: InputClock) -> float | None:
-    """Return what a function says about a Clock, None if the FMU refuses the call."""
+    """Return the interval or shift in s that a function answers; None if the FMU refuses the call."""
     number, reference = (c_double * 1)(), (c_uint * 1)(clock.reference)
     qualifier = ((c_int * 1)(),) if "Interval" in function else ()
     status = instance.status(function, reference, 1, number, *qualifier)
@@ -236,7 +249,7 @@ def ticks(subject: Subject) -> CheckOutcome:
         instance.step(float(time), course.step)
         if instance.terminated or not readable:
             break
-        values = {str(v.name): value for v in readable for value in _read(instance, v)}
+        values = {str(v.name): value for v in readable for value in _read_if_accepted(instance, v)}
         readable = [v for v in readable if v.name in values]
         if sum(instance.events.ticks.values()) == ticks:
             for name, value in values.items():
@@ -260,7 +273,7 @@ def ticks(subject: Subject) -> CheckOutcome:
     return passed(f"{message} can be read only while a Clock ticks.", gaps=gaps)
 
 
-def _read(instance: HostedInstance, variable: ModelVariable) -> Sequence[Any]:
+def _read_if_accepted(instance: HostedInstance, variable: ModelVariable) -> Sequence[Any]:
     """Return the present value of a variable, nothing if the FMU refuses it."""
     try:
         return instance.read([variable])

@@ -17,12 +17,12 @@ from ..host.points import (
     ALL_TYPES,
     Dependency,
     Point,
-    at_events,
-    at_initialization,
     choose,
-    in_event_mode,
-    in_initialization,
+    list_initial_dependencies,
+    list_run_dependencies,
     list_unexamined_pairs,
+    yield_points_in_event_mode,
+    yield_points_in_initialization,
 )
 from ..messages import judge_problems, list_left_out
 from ..subject import Subject
@@ -44,7 +44,9 @@ def observed(subject: Subject) -> CheckOutcome:
     """Check that no output changes with an input or parameter that its dependencies exclude."""
     cosimulates = subject.kinds[0] == "CoSimulation"
     of_all_types = _observe_all_types(subject)  # first: threads of the library end in a fork
-    of_co_simulation = _observe_pairs(in_initialization(subject, _POINTS)) if cosimulates else ({}, 0, 0)
+    of_co_simulation = (
+        _observe_pairs(yield_points_in_initialization(subject, _POINTS)) if cosimulates else ({}, 0, 0)
+    )
     of_model = _observe_model(subject)
     observed_count = of_co_simulation[1] + of_model[1]
     declared_count = of_co_simulation[2] + of_model[2]
@@ -62,10 +64,11 @@ def observed(subject: Subject) -> CheckOutcome:
     return passed(message, gaps=list_unexamined_pairs(subject))
 
 
-Look = tuple[Pairs, int, int]
+Observation = tuple[Pairs, int, int]
+"""Excluded pairs that were observed, the number of declared pairs that were, and of all declared ones."""
 
 
-def _observe_model(subject: Subject) -> Look:
+def _observe_model(subject: Subject) -> Observation:
     """Observe the model. Return nothing if it does not run, which another check reports."""
     if "ModelExchange" not in subject.run_kinds:
         return {}, 0, 0
@@ -75,11 +78,11 @@ def _observe_model(subject: Subject) -> Look:
         return {}, 0, 0
 
 
-def _observe_in_event_mode(subject: Subject) -> Look:
-    return _observe_pairs(in_event_mode(subject, _POINTS))
+def _observe_in_event_mode(subject: Subject) -> Observation:
+    return _observe_pairs(yield_points_in_event_mode(subject, _POINTS))
 
 
-def _observe_pairs(points: Iterable[Point]) -> Look:
+def _observe_pairs(points: Iterable[Point]) -> Observation:
     """Return observed excluded pairs, the number of observed declared pairs, and of declared pairs."""
     excluded: Pairs = {}
     changed: set[tuple[str, str]] = set()
@@ -108,7 +111,7 @@ def _find_changes(point: Point) -> Iterator[tuple[str, str]]:
 
 
 def _observe_all_types(subject: Subject) -> Pairs:
-    """Observe variables of all types. Return nothing for modes that the FMU does not reach."""
+    """Return undeclared dependencies of variables of all types, in the modes that the FMU reaches."""
     pairs: Pairs = {}
     for kind, observe in (
         ("CoSimulation", _observe_in_initialization),
@@ -126,7 +129,7 @@ def _observe_in_initialization(subject: Subject) -> Pairs:
     instance = HostedInstance(subject)
     instance.begin_initialization(read_span(subject)[0])
     knowns = list_settable(subject, "input", "parameter")
-    declared = at_initialization(subject, ALL_TYPES)
+    declared = list_initial_dependencies(subject, ALL_TYPES)
     return _find_excluded_changes(instance, declared, knowns, "in initialization mode")
 
 
@@ -137,7 +140,7 @@ def _observe_after_step(subject: Subject) -> Pairs:
     instance.initialize(None, start)
     instance.step(start, step)
     names = {v.name for v in subject.description.modelVariables if v.causality == "output"}
-    declared = [d for d in at_events(subject, ALL_TYPES) if d.unknown in names]
+    declared = [d for d in list_run_dependencies(subject, ALL_TYPES) if d.unknown in names]
     return _find_excluded_changes(instance, declared, list_settable(subject, "input"), "after a step")
 
 
@@ -145,7 +148,7 @@ def _observe_at_first_event(subject: Subject) -> Pairs:
     """Return undeclared dependencies of outputs and derivatives on inputs of the model."""
     instance = HostedInstance(subject, kind="ModelExchange")
     instance.initialize(None, read_span(subject)[0])
-    declared, knowns = at_events(subject, ALL_TYPES), list_settable(subject, "input")
+    declared, knowns = list_run_dependencies(subject, ALL_TYPES), list_settable(subject, "input")
     return _find_excluded_changes(instance, declared, knowns, "of the model after initialization")
 
 
@@ -193,12 +196,12 @@ def elements(subject: Subject) -> CheckOutcome:
         return skipped("providesPerElementDependencies is not set.")
     instance = HostedInstance(subject)
     instance.begin_initialization(read_span(subject)[0])
-    names = [d.unknown for d in at_initialization(subject)]
+    names = [d.unknown for d in list_initial_dependencies(subject)]
     names = list({subject.variables[n].valueReference: n for n in reversed(names)}.values())[::-1]
     references = [instance.reference(n) for n in names[:_MOST_UNKNOWNS]]
     entries_by_output = {reference: instance.dependencies(reference) for reference in references}
     problems = [p for item in entries_by_output.items() for p in _find_invalid_entries(subject, *item)]
-    problems = problems or [*_find_unlisted(instance, entries_by_output)]
+    problems = problems or [*_find_undeclared_elements(instance, entries_by_output)]
     count = sum(len(entries) for entries in entries_by_output.values())
     fine = f"{count} dependencies of the elements of {len(entries_by_output)} outputs are valid."
     gaps = list_left_out(len(entries_by_output), len(names), "outputs were examined.")
@@ -222,10 +225,10 @@ def _find_invalid_entries(
             yield f"{message}, a dependency of {names[reference]}."
 
 
-def _find_unlisted(
+def _find_undeclared_elements(
     instance: HostedInstance, entries_by_output: dict[int, list[ElementDependency]]
 ) -> Iterator[str]:
-    """Yield elements of outputs that change with an element of an input on which they do not depend."""
+    """Yield messages on outputs that change with an input, although they are not declared to depend on it."""
     subject = instance.subject
     reals = [v for v in subject.description.modelVariables if v.type == "Real"]
     unknowns = [v for v in reals if int(v.valueReference) in entries_by_output]

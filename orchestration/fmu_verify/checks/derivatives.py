@@ -8,19 +8,24 @@ import numpy as np
 from emla_cosim.base.arrays import Vector
 
 from ..check import CheckOutcome, check, failed, noted, passed, quote, skipped, warned
-from ..host.experiment import make_experiment, walk
+from ..host.experiment import make_experiment, step_through
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.points import Point, in_event_mode, in_initialization, list_unexamined_pairs
+from ..host.points import (
+    Point,
+    list_unexamined_pairs,
+    yield_points_in_event_mode,
+    yield_points_in_initialization,
+)
 from ..messages import list_left_out
 from ..subject import Subject
 from ..subprocess_run import EndedError, in_fresh_process, in_separate_process
 from ._points import (
     MOST_STATES,
-    in_continuous_time_mode,
-    in_initialization_with_states,
-    in_step_mode,
     list_settable_states,
     list_states,
+    yield_points_in_continuous_time,
+    yield_points_in_step_mode,
+    yield_points_with_states,
 )
 
 _FUNCTION = "fmi2GetDirectionalDerivative"
@@ -75,22 +80,24 @@ def directional(subject: Subject) -> CheckOutcome:
     slopes_by_mode, gaps = list[list[_Slope]](), list[str]()
     try:
         if "CoSimulation" in claimed:
-            slopes_by_mode.append(in_separate_process(_compare_at_points, subject, in_initialization))
+            slopes_by_mode.append(
+                in_separate_process(_compare_at_points, subject, yield_points_in_initialization)
+            )
     except CallError as error:  # the schema requires them at communication points only
         if not error.call.startswith(_FUNCTION):
             raise
         return noted(f"In initialization mode {error}")
     if "CoSimulation" in claimed:
         if list_settable_states(subject):
-            slopes_by_mode.append(_compare_in_fresh_process(subject, in_initialization_with_states, gaps))
+            slopes_by_mode.append(_compare_in_fresh_process(subject, yield_points_with_states, gaps))
         if not subject.has_clocks:
-            slopes = _compare_in_fresh_process(subject, in_step_mode, gaps)
+            slopes = _compare_in_fresh_process(subject, yield_points_in_step_mode, gaps)
             # an FMU may hold outputs until the next step
             slopes_by_mode.append([s for s in slopes if s.difference])
     if "ModelExchange" in claimed and "ModelExchange" in subject.run_kinds:
-        slopes_by_mode.append(_compare_in_fresh_process(subject, in_event_mode))
+        slopes_by_mode.append(_compare_in_fresh_process(subject, yield_points_in_event_mode))
         if list_states(subject):
-            slopes_by_mode.append(_compare_in_fresh_process(subject, in_continuous_time_mode, gaps))
+            slopes_by_mode.append(_compare_in_fresh_process(subject, yield_points_in_continuous_time, gaps))
     if len(list_states(subject)) > MOST_STATES:
         gaps.append(f"Only derivatives by {MOST_STATES} of {len(list_states(subject))} states were compared.")
     if not any(slopes_by_mode):
@@ -106,7 +113,8 @@ def _compare_in_fresh_process(
 ) -> list[_Slope]:
     """Return the slopes at points of another process. If another call fails, return none.
 
-    Another check reports that. `gaps` gets derivatives that are refused, where the FMU need not have them.
+    Another check reports that. If derivatives are refused, `gaps` gets the reason; without `gaps`, where the
+    FMU must have them, the error is raised.
     """
     try:
         return in_fresh_process(_compare_at_points, subject, points)
@@ -124,6 +132,7 @@ def _compare_at_points(subject: Subject, points: Points) -> list[_Slope]:
 
 
 def _compare_at_point(point: Point) -> Iterator[_Slope]:
+    """Yield slopes along each known, along all of them together, and along two mixed directions."""
     if not point.unknowns:
         return
     # the same directions in each examination
@@ -251,9 +260,12 @@ def adjoint(subject: Subject) -> CheckOutcome:
 def _list_adjoint_modes(subject: Subject, kind: str, directional: bool) -> list[Points]:
     """Return the modes in which a kind has derivatives; between steps, an FMU may hold its outputs."""
     if kind != "CoSimulation":
-        return [in_event_mode, *([in_continuous_time_mode] if list_states(subject) else [])]
-    of_states = [in_initialization_with_states] if list_settable_states(subject) else []
-    return [in_initialization, *of_states, *([in_step_mode] if directional else [])]
+        return [
+            yield_points_in_event_mode,
+            *([yield_points_in_continuous_time] if list_states(subject) else []),
+        ]
+    of_states = [yield_points_with_states] if list_settable_states(subject) else []
+    return [yield_points_in_initialization, *of_states, *([yield_points_in_step_mode] if directional else [])]
 
 
 def _compare_adjoint(subject: Subject, points: Points, directional: bool) -> tuple[list[str], int]:
@@ -331,7 +343,7 @@ def _record_derivatives(subject: Subject, names: list[str], most: int) -> tuple[
     instance, course = HostedInstance(subject), make_experiment(subject, 40)
     instance.initialize(course.at(0), float(course.times[0]))
     middle, rows = course.at(len(course.times) // 3), []
-    for _ in walk(instance, course.times[:-1], course.step, lambda _: instance.set(middle)):
+    for _ in step_through(instance, course.times[:-1], course.step, lambda _: instance.set(middle)):
         rows.append(
             [instance.get(names), *(instance.output_derivatives(names, n) for n in range(1, most + 1))]
         )

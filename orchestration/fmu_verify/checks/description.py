@@ -11,7 +11,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from emla_cosim.fmu.document import DESCRIPTION
 
-from ..check import CheckOutcome, check, failed, passed, quote, say, skipped
+from ..check import CheckOutcome, check, failed, passed, quote, skipped, translate_message
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
@@ -36,7 +36,7 @@ def readable(subject: Subject) -> CheckOutcome:
         )
     version = root.get("fmiVersion")
     if version != "2.0" and subject.version != 3:
-        return _judge_version(version)
+        return _reject_version(version)
     # entities of a definition could fill the memory, or read other files
     if root.getroottree().docinfo.internalDTD is not None:
         return failed(f"{DESCRIPTION} has a document type definition, which FMI does not allow.")
@@ -49,7 +49,7 @@ def readable(subject: Subject) -> CheckOutcome:
 
 
 def _describe_location(subject: Subject) -> str:
-    """Return where a model description is that has another name, or is in a folder."""
+    """Return where a model description is that has another name, or is in a folder; empty without one."""
     paths = sorted(p for p in subject.folder.glob("*") if p.name.casefold() == DESCRIPTION.casefold())
     if paths:
         return f", but {paths[0].name}; the name must have this case"
@@ -60,7 +60,8 @@ def _describe_location(subject: Subject) -> str:
 _VERSION = quote("description.version")
 
 
-def _judge_version(version: str | None) -> CheckOutcome:
+def _reject_version(version: str | None) -> CheckOutcome:
+    """Return the failure for an fmiVersion that is not supported, or missing (None)."""
     if version is None:
         return failed(f"{DESCRIPTION} has no fmiVersion.", clause=_VERSION)
     if re.fullmatch(r"2\.0\.\d+", version):
@@ -140,11 +141,13 @@ def _find_undefined_flags(subject: Subject) -> tuple[list[Problem], list[Problem
     """
     misspelled, unknown = list[Problem](), list[Problem]()
     for kind in subject.kinds:
-        names = _list_attributes(kind)
+        names = _list_kind_attributes(kind)
         by_case = {name.casefold(): name for name in names}
         for name in subject.tree.find(kind).attrib:
             # terms also write names of FMI 2.0 as they are in FMI 3.0
-            if correct_name := by_case.get(name.casefold(), by_case.get(say(name, 3).casefold())):
+            if correct_name := by_case.get(
+                name.casefold(), by_case.get(translate_message(name, 3).casefold())
+            ):
                 message = f"{kind} has the attribute {correct_name}, but not with exactly this name."
                 misspelled += [Breach(message, _NO_OTHER_FLAGS)] if name != correct_name else []
             elif not name.startswith("{"):
@@ -154,7 +157,7 @@ def _find_undefined_flags(subject: Subject) -> tuple[list[Problem], list[Problem
 
 
 @cache
-def _list_attributes(kind: str) -> tuple[str, ...]:
+def _list_kind_attributes(kind: str) -> tuple[str, ...]:
     """Return the names of the attributes of an interface type of FMI 3.0."""
     with as_file(files("fmpy") / "schema" / "fmi3") as folder:
         root = etree.parse(str(folder / "fmi3InterfaceType.xsd"))
@@ -201,7 +204,7 @@ def identifier(subject: Subject) -> CheckOutcome:
 
 @check("description.experiment", needs=("description.schema",))
 def experiment(subject: Subject) -> CheckOutcome:
-    """Check that times are finite, the stop is after the start, and the step is positive."""
+    """Check that times are finite, the stop is after the start, and step and tolerance are positive."""
     element = subject.tree.find("DefaultExperiment")
     if element is None:
         return skipped("The FMU has no default experiment.")
@@ -212,6 +215,7 @@ def experiment(subject: Subject) -> CheckOutcome:
 
 
 def _find_doubtful_times(attributes: Mapping[str, float]) -> Iterator[str]:
+    """Yield what is wrong with the times, the step size and the tolerance."""
     for name, value in attributes.items():
         if not math.isfinite(value):
             yield f"{name} is {value}; it must be a finite number."

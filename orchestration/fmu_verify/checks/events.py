@@ -72,7 +72,7 @@ def iteration(subject: Subject) -> CheckOutcome:
     gaps = list[str]()
     for kind in kinds:
         try:
-            if where := in_fresh_process(_find_endless, subject, kind):
+            if where := in_fresh_process(_find_endless_iteration, subject, kind):
                 return failed(f"The event iteration {where} does not end: each update asks for another one.")
         except (CallError, EndedError) as error:  # other checks report it
             gaps.append(f"Event iterations as {kind} were looked at only until a call went wrong. {error}")
@@ -86,8 +86,8 @@ def explain_endless(error: CallError) -> CheckOutcome:
     return blocked(f"It needs {NAME}, which failed.")
 
 
-def _find_endless(subject: Subject, kind: str) -> str:
-    """Return where an event iteration does not end; empty if all do."""
+def _find_endless_iteration(subject: Subject, kind: str) -> str:
+    """Return where an event iteration does not end; empty if all do. Keep the run for other checks."""
     uses_mode = True if kind == "CoSimulation" else None
     instance, course = HostedInstance(subject, kind=kind, events=uses_mode), make_experiment(subject)
     try:

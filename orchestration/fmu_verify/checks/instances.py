@@ -205,6 +205,7 @@ def _run_in_turns(subject: Subject, courses: list[Experiment]) -> list[OutputTra
 
 
 def _find_worst(outcomes: list[CheckOutcome]) -> CheckOutcome | None:
+    """Return the first failed outcome, or else the first warning; None if there is neither."""
     return next((o for v in (Verdict.FAILED, Verdict.WARNING) for o in outcomes if o.verdict == v), None)
 
 
@@ -250,7 +251,10 @@ _DURATION = 0.02
 
 
 def _judge_steps_at_once(subject: Subject) -> CheckOutcome | None:
-    """Repeat steps in threads with nothing between them: otherwise, threads of Python hardly ever meet."""
+    """Repeat steps in threads with nothing between them: otherwise, threads of Python hardly ever meet.
+
+    Return what is wrong; None if nothing is, or if the FMU cannot step with constant inputs.
+    """
     if subject.kinds[0] != "CoSimulation" or subject.has_clocks:
         return None
     try:
@@ -347,8 +351,8 @@ def _run_twice(subject: Subject, resets: bool) -> OutputTrajectory:
     """
     course = make_experiment(subject)
     instance = HostedInstance(subject)
-    half = replace(course, inputs={name: np.flip(v) for name, v in course.inputs.items()})
-    run_instance(instance, half)
+    reversed_course = replace(course, inputs={name: np.flip(v) for name, v in course.inputs.items()})
+    run_instance(instance, reversed_course)
     if resets:
         instance.reset()
     else:

@@ -37,7 +37,7 @@ _SEMANTIC = re.compile(r"(0|[1-9]\d*)\.(0|[1-9]\d*)(\.(0|[1-9]\d*))?([-+][\w.+-]
 _PRESENT = quote("layered.present")
 
 
-class Findings(NamedTuple):
+class ManifestFindings(NamedTuple):
     """What manifests violate, what only warns, what is only recommended, and what was not judged."""
 
     problems: list[Problem]
@@ -49,8 +49,8 @@ class Findings(NamedTuple):
 @check("layered.manifests", needs=("description.schema",))
 def manifests(subject: Subject) -> CheckOutcome:
     """Check folders in `extra`, the manifests in them, and the files, variables and terminals they name."""
-    findings = Findings([], [], [*_list_misnamed_entries(subject.folder / EXTRA)], [])
-    _find_missing_manifests(subject, findings)
+    findings = ManifestFindings([], [], [*_list_misnamed_entries(subject.folder / EXTRA)], [])
+    _judge_folders(subject, findings)
     paths = list_manifests(subject.folder)
     for path in paths:
         try:
@@ -83,7 +83,7 @@ def _list_misnamed_entries(extra: Path) -> Iterator[str]:
             yield f"The name of the folder {EXTRA}/{path.name} is not in reverse domain notation."
 
 
-def _find_missing_manifests(subject: Subject, findings: Findings) -> None:
+def _judge_folders(subject: Subject, findings: ManifestFindings) -> None:
     """Add folders of known standards without a manifest, or whose names differ by case."""
     for path in sorted((subject.folder / EXTRA).glob("*/")):
         for name in _STANDARDS:
@@ -96,7 +96,7 @@ def _find_missing_manifests(subject: Subject, findings: Findings) -> None:
                 findings.doubts.append(Breach(f"{where} has no {MANIFEST}{but}.", _PRESENT))
 
 
-def _judge_attributes(manifest: LayeredManifest, findings: Findings) -> None:
+def _judge_attributes(manifest: LayeredManifest, findings: ManifestFindings) -> None:
     """Add what is wrong with the attributes that all manifests should have."""
     for attribute in ("name", "version", "description"):
         text = getattr(manifest, attribute)
@@ -117,8 +117,9 @@ def _judge_attributes(manifest: LayeredManifest, findings: Findings) -> None:
 
 
 def _judge_standard(
-    manifest: LayeredManifest, name: str, standard: "_Standard", subject: Subject, findings: Findings
+    manifest: LayeredManifest, name: str, standard: "_Standard", subject: Subject, findings: ManifestFindings
 ) -> None:
+    """Add what is wrong with the manifest of a known layered standard."""
     label, clause = manifest.label, standard.clause
     if manifest.name != name:
         has = f"the fmi-ls-name {manifest.name}" if manifest.name is not None else "no fmi-ls-name"
@@ -143,7 +144,7 @@ def _judge_standard(
         standard.judge(manifest, subject, findings)
 
 
-def _judge_related(manifest: LayeredManifest, subject: Subject, findings: Findings) -> None:
+def _judge_related(manifest: LayeredManifest, subject: Subject, findings: ManifestFindings) -> None:
     """Add related files that are not in the FMU."""
     for element in manifest.root.iter("{*}Related"):
         source = element.get("source")
@@ -159,7 +160,7 @@ def _judge_related(manifest: LayeredManifest, subject: Subject, findings: Findin
             findings.doubts.append(Breach(message, quote("layered.related")))
 
 
-def _judge_struct(manifest: LayeredManifest, subject: Subject, findings: Findings) -> None:
+def _judge_struct(manifest: LayeredManifest, subject: Subject, findings: ManifestFindings) -> None:
     findings.problems.extend(judge_maps(subject))
     findings.doubts.extend(list_unusual_matching_rules(subject))
 
@@ -169,7 +170,7 @@ class _Standard(NamedTuple):
 
     clause: Clause
     versions: tuple[int, ...]
-    judge: Callable[[LayeredManifest, Subject, Findings], None]
+    judge: Callable[[LayeredManifest, Subject, ManifestFindings], None]
 
 
 _STANDARDS = {
@@ -217,12 +218,13 @@ def terminals(subject: Subject) -> CheckOutcome:
         violations.append(Breach(f"The terminals have the fmiVersion {version}, not {expected}.", _VERSION))
     names = {name for v in subject.declared.variables for name in (v.name, *v.aliases)}
     top = root.find("Terminals")
-    violations += _judge_level([] if top is None else top.findall("Terminal"), names)
+    violations += _judge_terminals([] if top is None else top.findall("Terminal"), names)
     violations += _judge_images(root, path.parent)
     return judge_problems(violations, f"{len(root.findall('.//Terminal'))} terminals are valid.")
 
 
-def _judge_level(level: list[Any], names: set[str]) -> Iterator[Problem]:
+def _judge_terminals(level: list[Any], names: set[str]) -> Iterator[Problem]:
+    """Yield what is wrong with terminals of one level, and with those inside of them."""
     for name in find_repeated(e.get("name") for e in level):
         yield Breach(f"More than one terminal has the name {name}.", quote("terminals.unique"))
     for terminal in level:
@@ -241,8 +243,10 @@ def _judge_level(level: list[Any], names: set[str]) -> Iterator[Problem]:
             if None in member_names:
                 yield Breach(f"A member of the terminal {terminal.get('name')} has no memberName.", _MEMBER)
             for name in find_repeated(n for n in member_names if n is not None):
-                yield Breach(f"The terminal {terminal.get('name')} has the member {name} twice.", _MEMBER)
-        yield from _judge_level(terminal.findall("Terminal"), names)
+                yield Breach(
+                    f"The terminal {terminal.get('name')} has the member {name} more than once.", _MEMBER
+                )
+        yield from _judge_terminals(terminal.findall("Terminal"), names)
 
 
 def _judge_images(root: Any, folder: Path) -> Iterator[Problem]:

@@ -21,7 +21,7 @@ from ..host.process_state import load_c_library
 from ..messages import list_left_out
 from ..subject import Subject
 from ..subprocess_run import EndedError, in_fresh_process, in_separate_process, is_single_instance
-from .calls import go_to_phase, list_refused_calls
+from .calls import go_to_phase, list_calls_usually_refused
 
 _MOST_CATEGORIES = 6
 _ALL = "logAll"
@@ -81,7 +81,7 @@ def errors(subject: Subject) -> CheckOutcome:
     FMI 3.0 requires it, FMI 2.0 expects it, so that it is noted there.
     """
     silent, refused = [], 0
-    calls = list_refused_calls(subject)
+    calls = list_calls_usually_refused(subject)
     for call, (status, is_explained) in zip(calls, _collect_answers(subject), strict=True):
         if status in (ERROR, FATAL):
             refused += 1
@@ -104,23 +104,24 @@ _Answer = tuple[int, bool]
 
 def _collect_answers(subject: Subject) -> list[_Answer]:
     """Return the answers to all calls; each call has a process of its own if they do harm in one."""
-    numbers = range(len(list_refused_calls(subject)))
+    numbers = range(len(list_calls_usually_refused(subject)))
     if not is_single_instance(subject):
         with suppress(CallError, EndedError):
             return in_fresh_process(_call_all, subject, numbers)
     answers = [(OK, False)] * len(numbers)
     for number in numbers:
         with suppress(CallError, EndedError):  # other checks report it
-            answers[number] = in_fresh_process(_call, subject, number)
+            answers[number] = in_fresh_process(_call_in_phase, subject, number)
     return answers
 
 
 def _call_all(subject: Subject, numbers: Sequence[int]) -> list[_Answer]:
-    return [_call(subject, number) for number in numbers]
+    return [_call_in_phase(subject, number) for number in numbers]
 
 
-def _call(subject: Subject, number: int) -> _Answer:
-    call = list_refused_calls(subject)[number]
+def _call_in_phase(subject: Subject, number: int) -> _Answer:
+    """Return the answer to one of the calls that are usually refused, by its position in their list."""
+    call = list_calls_usually_refused(subject)[number]
     instance = HostedInstance(subject, logging=True)
     go_to_phase(instance, call.phase)
     LOG.lines.clear()
@@ -138,10 +139,15 @@ def _describe_category(line: LogLine) -> str:
 def _record_messages(
     subject: Subject, settings: Sequence[tuple[bool, list[str]]]
 ) -> tuple[list[list[LogLine]], str]:
-    """Return the messages of a short run with each logging setting, and the first line that is printed."""
+    """Return the messages of a short run with each logging setting, and the first line that is printed.
+
+    Standard output of this process goes to a temporary file from then on.
+    """
     with tempfile.TemporaryFile() as stream:
         os.dup2(stream.fileno(), 1)
-        messages = [in_separate_process(_run, subject, logging, names) for logging, names in settings]
+        messages = [
+            in_separate_process(_run_with_logging, subject, logging, names) for logging, names in settings
+        ]
         if sys.stdout is not None:
             sys.stdout.flush()
         load_c_library().fflush(None)
@@ -150,7 +156,8 @@ def _record_messages(
     return messages, text.partition("\n")[0]
 
 
-def _run(subject: Subject, logging: bool, names: list[str]) -> list[LogLine]:
+def _run_with_logging(subject: Subject, logging: bool, names: list[str]) -> list[LogLine]:
+    """Return the messages of a short run, with logging those after the categories were set."""
     LOG.lines.clear()
     steps = _STEPS if len(names) != 1 else _STEPS_OF_ONE
     instance, course = HostedInstance(subject, logging=logging), make_experiment(subject, steps)

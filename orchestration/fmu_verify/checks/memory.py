@@ -92,7 +92,7 @@ def _measure_calls(subject: Subject) -> tuple[dict[str, float], int]:
     for name, call in _list_calls(instance):
         count += 1
         try:
-            size = _measure(call, _TIME_FRACTION * subject.settings.seconds)
+            size = _measure_kept_bytes(call, _TIME_FRACTION * subject.settings.seconds)
         except CallError:  # another check reports it
             break
         if size:
@@ -101,6 +101,7 @@ def _measure_calls(subject: Subject) -> tuple[dict[str, float], int]:
 
 
 def _list_calls(instance: HostedInstance) -> Iterator[tuple[str, Callable[[], object]]]:
+    """Yield calls that can be repeated, by name. Saves a state for those that need one."""
     subject = instance.subject
     variables = [v for v in subject.description.modelVariables if not v.clocks]
     for kind in _TYPES:
@@ -122,27 +123,27 @@ def _choose_suffix(kind: str) -> str:
     return "Integer" if kind == "Enumeration" else kind
 
 
-def _measure(call: Callable[[], object], seconds: float) -> float:
+def _measure_kept_bytes(call: Callable[[], object], seconds: float) -> float:
     """Return the bytes that a call keeps; 0 if it keeps none."""
-    counts = read_allocated() is not None
+    uses_mallinfo = read_allocated() is not None
     call()  # what is allocated once is not a leak
-    used, numbers = [_read_memory(counts)], list[int]()
+    used, numbers = [_read_used_bytes(uses_mallinfo)], list[int]()
     for _ in range(_BATCHES):
         until, number = clock.monotonic() + seconds, 0
-        while number < _CALLS[counts] and (number < 2 or clock.monotonic() < until):
+        while number < _CALLS[uses_mallinfo] and (number < 2 or clock.monotonic() < until):
             call()
             number += 1
         LOG.lines.clear()
-        used.append(_read_memory(counts))
+        used.append(_read_used_bytes(uses_mallinfo))
         numbers.append(number)
-        if used[-1] - used[-2] <= _MIN_GROWTH[counts]:
+        if used[-1] - used[-2] <= _MIN_GROWTH[uses_mallinfo]:
             return 0.0
     size = float(np.median(np.diff(used) / np.array(numbers)))
     return size if size > _MIN_BYTES else 0.0
 
 
-def _read_memory(counts: bool) -> float:
-    allocated = read_allocated() if counts else None
+def _read_used_bytes(uses_mallinfo: bool) -> float:
+    allocated = read_allocated() if uses_mallinfo else None
     return read_memory() if allocated is None else allocated
 
 

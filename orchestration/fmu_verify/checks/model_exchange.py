@@ -85,12 +85,12 @@ def agrees(subject: Subject) -> CheckOutcome:
     """Note outputs that differ between both kinds: the standard does not require that they agree."""
     if "CoSimulation" not in subject.kinds:
         return skipped("The FMU is not for Co-Simulation.")
-    slave, model = run_alone(subject, kind="CoSimulation"), run_alone(subject, kind="ModelExchange")
-    rows = min(len(slave.times), len(model.times))  # one may end the run early
-    far, most = describe_differences(model, slave, rows)
+    co_simulation, model = run_alone(subject, kind="CoSimulation"), run_alone(subject, kind="ModelExchange")
+    rows = min(len(co_simulation.times), len(model.times))  # one may end the run early
+    far, most = describe_differences(model, co_simulation, rows)
     if far:
         lines = tuple(f"{line}." for line in far)
-        message = f"{len(far)} of {len(slave.names)} outputs differ between Model Exchange and Co-Simulation"
+        message = f"{len(far)} of {len(model.names)} outputs differ between Model Exchange and Co-Simulation"
         return noted(f"{message}: {lines[0]}", details=lines)
     return passed(f"Both kinds agree within {most:.1g} of each output's range.")
 
@@ -108,7 +108,7 @@ _JUMP = 0.02
 
 @check("model_exchange.states", needs=("model_exchange.runs",), time_factor=2.0)
 def states(subject: Subject) -> CheckOutcome:
-    """Compare vectors of states and derivatives with the variables, and look for untold and early events."""
+    """Compare vectors of states and derivatives with the variables, and look for events not announced."""
     derivatives = [u.variable for u in subject.description.derivatives]
     names = [(d.derivative.name, d.name) for d in derivatives if d is not None and d.derivative is not None]
     if not derivatives or len(names) < len(derivatives):
@@ -129,7 +129,7 @@ def states(subject: Subject) -> CheckOutcome:
             break
         visited.append(_read_vector(model.read_states, len(names)))
         slopes.append(_read_vector(model.derive, len(names)))
-    problems += [Breach(message, quote("model_states.jumped")) for message in model.untold[:1]]
+    problems += [Breach(message, quote("model_states.jumped")) for message in model.event_faults[:1]]
     instance.free()
     doubts += _find_jump(subject, course, names, np.array(visited), np.array(slopes))
     fine = f"{len(names)} states and derivatives are the variables of their places, and continuous."
@@ -151,6 +151,7 @@ def _read_vector(function: Any, count: int) -> Vector:
 
 
 def _find_wrong_nominal(model: HostedModel, names: list[tuple[str, str]]) -> Iterator[Breach]:
+    """Yield the first nominal value that is not positive."""
     nominal_values = _read_vector(model.write_nominals, len(names))
     for (state, _), value in zip(names, nominal_values, strict=True):
         if not value > 0.0:
@@ -193,6 +194,8 @@ def _find_jump(
 ) -> Iterator[str | Breach]:
     """Yield a derivative that jumps between two states in continuous-time mode, without an event.
 
+    Yield also an output that follows new states too late.
+
     Between events it is a continuous function of the states, which integrators rely on.
     """
     instance = HostedInstance(subject, name="continuous", kind="ModelExchange")
@@ -228,7 +231,7 @@ def _find_jump(
                     at = ", ".join(f"{n} = {v:.6g}" for (n, _), v in pairs)
                     yield Breach(
                         f"{names[i][1]} jumps from {left_slopes[i]:.6g} to {right_slopes[i]:.6g} in "
-                        f"continuous-time mode, at {at}: an event indicator has to tell it.",
+                        f"continuous-time mode, at {at}: an event indicator must announce it.",
                         quote("model_states.frozen"),
                     )
                     return

@@ -192,7 +192,7 @@ def _has_version(symbol: Any) -> bool:
 
 
 def _load_library(name: str) -> Any:
-    """Load a library of this system. Return None if there is none with this name."""
+    """Load a standard library of this system. Return None if it is not standard, or not there."""
     with suppress(OSError):
         return ctypes.CDLL(name) if _STANDARD_LIBRARY.fullmatch(name) else None
     return None
@@ -211,10 +211,10 @@ def present(subject: Subject) -> CheckOutcome:
     doubts: list[Problem] = [Breach(library.message, _NAME) for library in misnamed if not library.is_similar]
     missing_kinds = [k for k in subject.kinds if not any(k in library.kinds for library in libraries)]
     if missing_kinds and not sources and not problems:
-        folders = ", ".join(p.name for p in list_platforms(subject)) or "no platform"
+        folders = ", ".join(p.name for p in list_platforms(subject))
         name = subject.tree.find(missing_kinds[0]).get("modelIdentifier")
-        message = f"There are binaries for {folders}, but none has the name {name}, and there are no sources."
-        return failed(message)
+        message = f"There are binaries for {folders}, but none has" if folders else "There is no binary with"
+        return failed(f"{message} the name {name}, and there are no sources.")
     names = join_few_names(sorted({library.platform for library in libraries}))
     message = f"There are binaries for {names}."
     if not libraries:
@@ -226,7 +226,7 @@ def present(subject: Subject) -> CheckOutcome:
 
 
 class _Misnamed(NamedTuple):
-    """A platform with libraries, but without one that has the name of the model."""
+    """What is wrong with the libraries of a platform: none, or none with one of the model's names."""
 
     platform: str
     message: str
@@ -235,6 +235,7 @@ class _Misnamed(NamedTuple):
 
 
 def _find_misnamed(subject: Subject) -> Iterator[_Misnamed]:
+    """Yield platforms whose libraries lack a name of the model, or that are empty."""
     names = {subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
     for folder in list_platforms(subject):
         suffix = find_suffix(folder.name)
@@ -267,13 +268,14 @@ def symbols(subject: Subject) -> CheckOutcome:
     libraries = [c for c in list_libraries(subject) if not describe_mismatch(c.path, c.platform)]
     if not libraries:
         return skipped("There are no binaries.")
-    problems = [(c, p) for c in libraries for p in _find_missing_functions(c, subject.version)]
+    problems = [(c, p) for c in libraries for p in _find_export_problems(c, subject.version)]
     fine = f"All functions are exported by {join_few_names([str(library) for library in libraries])}."
     outcome = judge_problems([p for _, p in problems], fine)
     return replace(outcome, blocks=any(library.platform in _THIS_PLATFORM for library, _ in problems))
 
 
-def _find_missing_functions(library: Library, version: int) -> Iterator[str]:
+def _find_export_problems(library: Library, version: int) -> Iterator[str]:
+    """Yield that a library is truncated, cannot be read, or does not export required functions."""
     if missing := missing_bytes(library.path):
         if library.platform not in _THIS_PLATFORM:  # `binaries.loads` reports the others
             yield f"{library} is truncated: its last {missing} bytes are missing."

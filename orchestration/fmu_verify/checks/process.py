@@ -29,7 +29,7 @@ _STEPS = 10
 _CYCLES = 3
 
 
-def _run(subject: Subject) -> HostedInstance:
+def _run_steps(subject: Subject) -> HostedInstance:
     """Run an instance for some steps, terminate and free it."""
     instance = HostedInstance(subject)
     run_instance(instance, make_experiment(subject, _STEPS))
@@ -39,7 +39,7 @@ def _run(subject: Subject) -> HostedInstance:
 
 @check("process.resources", clause=quote("shared.freed"), needs=("run.completes",), time_factor=2.0)
 def resources(subject: Subject) -> CheckOutcome:
-    """Check that open files, threads and child processes do not grow with the number of instances."""
+    """Check that instances leave no open files, threads, child processes and temporary files behind."""
     if not can_list_resources():
         return skipped("This system does not list the resources of a process.")
     first, grown = in_fresh_process(_count_growth, subject)
@@ -54,7 +54,7 @@ def resources(subject: Subject) -> CheckOutcome:
         # not with each instance: pools of threads, and files of the library
         message = f"After an instance was freed, {join_few_names(list(remaining))} of the library remain."
         return warned(message)
-    return passed("Instances leave no open files, threads and processes behind.")
+    return passed("Instances leave no open files, threads, processes and temporary files behind.")
 
 
 def _count_growth(subject: Subject) -> tuple[dict[str, int], dict[str, int]]:
@@ -64,11 +64,11 @@ def _count_growth(subject: Subject) -> tuple[dict[str, int], dict[str, int]]:
         HostedInstance(subject).free()
     before = count_resources()
     try:
-        _run(subject)
+        _run_steps(subject)
         wait_until_settled(lambda: count_resources() == before)
         first = count_resources()
         for _ in range(0 if is_single_instance(subject) else _CYCLES):
-            _run(subject)
+            _run_steps(subject)
         wait_until_settled(lambda: count_resources() == first)
         return _subtract_counts(first, before), _subtract_counts(count_resources(), first)
     finally:
@@ -122,9 +122,9 @@ def files(subject: Subject) -> CheckOutcome:
             (path / _CANARY_FILE).write_text("This file belongs to the user.\n")
         before = _read_change_times(subject)
         try:
-            in_fresh_process(_run_in, subject, folders["working"], folders["home"])
+            in_fresh_process(_run_in_folders, subject, folders["working"], folders["home"])
         except (CallError, EndedError):  # it may need files of the home folder, such as a license
-            in_fresh_process(_run_in, subject, folders["working"], None)
+            in_fresh_process(_run_in_folders, subject, folders["working"], None)
         problems = [
             f"It writes {join_few_names(names)} into the {name} folder."
             for name, path in folders.items()
@@ -146,7 +146,7 @@ _CANARY_FILE = "notes.txt"
 """A file in the working and the home folder that an FMU must not touch."""
 
 
-def _run_in(subject: Subject, working: Path, home: Path | None) -> None:
+def _run_in_folders(subject: Subject, working: Path, home: Path | None) -> None:
     """Run the whole experiment: files may be written late."""
     os.chdir(working)
     if home is not None:
@@ -207,7 +207,7 @@ def _record_streams(subject: Subject) -> dict[str, tuple[int, str]]:
         for number, stream in streams.values():
             # C libraries write to descriptors, not to the streams of Python
             os.dup2(stream.fileno(), number)
-        _run(subject)
+        _run_steps(subject)
         load_c_library().fflush(None)
         written = {}
         for name, (_, stream) in streams.items():
@@ -224,9 +224,9 @@ def unload(subject: Subject) -> CheckOutcome:
         in_fresh_process(_run_and_unload, subject)
     except EndedError as error:
         return warned(str(error))
-    without, after = (_describe_end(do, subject) for do in (_end, _run_and_end))
+    without, after = (_describe_end(do, subject) for do in (_end_process, _run_and_end))
     if after != without == _ENDS_WELL:
-        return warned(f"A process that ends normally after a run ends with {after}.")
+        return warned(f"A process that calls `exit(0)` after a run ends with {after}.")
     return passed("The library was unloaded after a run.")
 
 
@@ -234,6 +234,7 @@ _ENDS_WELL = "exit code 0"
 
 
 def _describe_end(do: Callable[[Subject], None], subject: Subject) -> str:
+    """Return how a new process ends that calls `do`, such as `exit code 0`; empty if the call returns."""
     try:
         in_fresh_process(do, subject)
     except EndedError as error:
@@ -241,18 +242,18 @@ def _describe_end(do: Callable[[Subject], None], subject: Subject) -> str:
     return ""
 
 
-def _end(subject: Subject) -> None:
+def _end_process(subject: Subject) -> None:
     """End this process as a program in C does."""
     note("ending the process")
     load_c_library().exit(0)
 
 
 def _run_and_end(subject: Subject) -> None:
-    _run(subject)
-    _end(subject)
+    _run_steps(subject)
+    _end_process(subject)
 
 
 def _run_and_unload(subject: Subject) -> None:
-    instance = _run(subject)
+    instance = _run_steps(subject)
     note("unloading its library")
     instance.fmu.freeLibrary()

@@ -19,8 +19,8 @@ from ..host.experiment import (
     make_experiment,
     read_span,
     step_instance,
+    step_through,
     take_in_time,
-    walk,
 )
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import Values, list_other_values, list_settable
@@ -56,7 +56,7 @@ def time(subject: Subject) -> CheckOutcome:
             continue
         for name, deviations in times.deviations.items():
             has_time |= name not in independent
-            if _is_late(name, deviations, step, name in independent):
+            if _is_wrong_time(name, deviations, step, name in independent):
                 message = f"{name} is {deviations[-1]:+.9g} s off after steps from"
                 message = f"{message} the start time {start_time:.9g} s."
                 messages.setdefault(name, message)
@@ -82,7 +82,7 @@ _REACHED = "the time that fmi3DoStep says it reached"
 _SUCCESSFUL = "fmi2LastSuccessfulTime"
 
 
-def _is_late(name: str, deviations: Vector, step: float, must_agree: bool) -> bool:
+def _is_wrong_time(name: str, deviations: Vector, step: float, must_agree: bool) -> bool:
     """Return whether a time is wrong after all steps. Some may deviate, but not by a constant."""
     if not len(deviations) or not np.all(np.abs(deviations) > _MAX_TIME_ERROR * step):
         return False
@@ -90,14 +90,15 @@ def _is_late(name: str, deviations: Vector, step: float, must_agree: bool) -> bo
 
 
 def _measure_times(subject: Subject, start_time: float, independent: Sequence[str]) -> _Times:
+    """Return how far times of the FMU are from those of the host in a run from a start time."""
     instance = HostedInstance(subject)
     course = make_experiment(subject, _STEPS)
     instance.initialize(course.at(0), start_time)
-    first = {name: float(value) - start_time for name, value in _read(instance, independent)}
+    first = {name: float(value) - start_time for name, value in _read_values(instance, independent)}
     deviations: dict[str, list[float]] = {}
     times = start_time + course.step * np.arange(len(course.times))
-    for k in walk(instance, times[:-1], course.step, lambda k: instance.set(course.at(k))):
-        reached = dict(_read(instance, independent))
+    for k in step_through(instance, times[:-1], course.step, lambda k: instance.set(course.at(k))):
+        reached = dict(_read_values(instance, independent))
         if instance.reached is not None:
             reached[_REACHED] = instance.reached
         for name, value in reached.items():
@@ -106,17 +107,17 @@ def _measure_times(subject: Subject, start_time: float, independent: Sequence[st
     return _Times(first, {name: np.array(values) for name, values in deviations.items()})
 
 
-def _read(instance: HostedInstance, names: Sequence[str]) -> Iterator[tuple[str, float]]:
+def _read_values(instance: HostedInstance, names: Sequence[str]) -> Iterator[tuple[str, float]]:
     yield from zip(names, instance.get(names) if names else (), strict=True)
 
 
 def _measure_reached(subject: Subject, start_time: float) -> Vector:
-    """Return distances of the time that steps reached; nothing if the FMU does not say it."""
+    """Return how far times that the FMU reports after steps are off, in s; none if it reports none."""
     instance, value, distances = HostedInstance(subject), c_double(), list[float]()
     course = make_experiment(subject, _STEPS)
     instance.initialize(course.at(0), start_time)
     times = start_time + course.step * np.arange(len(course.times))
-    for k in walk(instance, times[:-1], course.step):
+    for k in step_through(instance, times[:-1], course.step):
         status = instance.status("fmi2GetRealStatus", fmi2LastSuccessfulTime, byref(value))
         if status != OK:
             return np.empty(0)
@@ -155,9 +156,9 @@ def frozen(subject: Subject) -> CheckOutcome:
     if len(course.times) <= 2 * _MIN_STEPS:
         return unjudged(f"Runs have {len(course.times) - 1} steps: too few to see whether something stops.")
     run = _RunSeries(subject, course)
-    problems, gaps = [*_find_stopped(run)], list(run.left_out)
+    problems, gaps = [*_describe_stopped(run)], list(run.left_out)
     if not problems:
-        problems = [*_find_inputs_without_late_effect(run, gaps)]
+        problems = [*_describe_inputs_without_late_effect(run, gaps)]
     fine = f"{len(run.names)} outputs and states and the effects of inputs continue."
     return judge_problems((), fine, problems, tuple(gaps))
 
@@ -215,8 +216,8 @@ def _record_run(
     return trajectory
 
 
-def _find_stopped(run: _RunSeries) -> Iterator[str]:
-    """Yield outputs and states that stop."""
+def _describe_stopped(run: _RunSeries) -> Iterator[str]:
+    """Yield messages on states that stop although their derivatives are not 0, and on outputs that stop."""
     rows = run.plain
     stops = {n: k for i, n in enumerate(rows.names) if (k := _find_stop(rows.values[:, i])) is not None}
     for state, k in stops.items():
@@ -286,8 +287,11 @@ def _run_with_other_values(run: _RunSeries) -> OutputTrajectory | None:
     return None
 
 
-def _find_inputs_without_late_effect(run: _RunSeries, gaps: list[str]) -> Iterator[str]:
-    """Yield inputs that change nothing after some time in three runs, but did so before."""
+def _describe_inputs_without_late_effect(run: _RunSeries, gaps: list[str]) -> Iterator[str]:
+    """Yield a message on inputs that change nothing after some time in three runs, but did so before.
+
+    `gaps` gets how many inputs were left out.
+    """
     late_row, examined_count, names = int(_LATE_FRACTION * len(run.course.times)), 0, list[str]()
     for name in take_in_time(run.inputs[:_MOST_INPUTS], 0.5 * run.subject.settings.seconds):
         examined_count += 1
@@ -302,7 +306,10 @@ def _find_inputs_without_late_effect(run: _RunSeries, gaps: list[str]) -> Iterat
 
 
 def _has_effect(run: _RunSeries, kind: str, name: str, is_early: bool) -> bool | None:
-    """Return whether another value of an input, at the start or late, changes something; None if it ends."""
+    """Return whether another value of an input, at the start or late, changes something, or is refused.
+
+    None if the run ends too early to show it.
+    """
     late_row = int(_LATE_FRACTION * len(run.course.times))
     values, usual_values = run.inputs_of(kind, name).copy(), run.course.inputs[name]
     part = slice(0, len(values) - late_row) if is_early else slice(late_row, None)

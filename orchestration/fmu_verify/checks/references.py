@@ -14,7 +14,7 @@ from ..references.experiments import (
     read_experiments,
     read_setup,
 )
-from ..references.judgment import check_columns, combine, judge_run, run_reference
+from ..references.judgment import check_columns, combine_outcomes, judge_run, run_reference
 from ..references.recording import record_reference as write_references
 from ..references.reference_files import find_solution, list_companions, read_reference
 from ..subject import Subject
@@ -54,7 +54,7 @@ def _judge_results(subject: Subject) -> CheckOutcome:
     if len(results) == 1:
         return _judge_result(subject, results[0])
     none = f"There is no {subject.path.stem}_ref.csv next to the FMU, and no result in it."
-    return combine({f"The result {f.source}": _judge_result(subject, f) for f in results}, none)
+    return combine_outcomes({f"The result {f.source}": _judge_result(subject, f) for f in results}, none)
 
 
 def _judge_result(subject: Subject, file: RelatedFile) -> CheckOutcome:

@@ -23,7 +23,7 @@ from ..check import (
     unjudged,
     warned,
 )
-from ..host.experiment import OutputTrajectory, list_outputs, make_experiment, read_span, walk
+from ..host.experiment import OutputTrajectory, list_outputs, make_experiment, read_span, step_through
 from ..host.hosted_instance import CallError, HostedInstance
 from ..messages import format_sentence, join_few_names
 from ..references.experiments import (
@@ -33,7 +33,7 @@ from ..references.experiments import (
     TYPES,
     ExperimentSetup,
     RelatedFile,
-    find_fault,
+    find_xml_fault,
     is_of_type,
     is_xml,
     list_experiment_files,
@@ -42,7 +42,7 @@ from ..references.experiments import (
     read_parameter_values,
     read_setup,
 )
-from ..references.judgment import check_columns, combine, judge_run, run_reference
+from ..references.judgment import check_columns, combine_outcomes, judge_run, run_reference
 from ..references.reference_files import ReferenceSolution, list_companions
 from ..subject import Subject
 from ..subprocess_run import EndedError, in_fresh_process
@@ -61,10 +61,11 @@ def _judge_each(
 ) -> CheckOutcome:
     """Judge related files, each in its turn. Files that are elsewhere, or are not there, are listed."""
     outcomes = {f"'{f.source}'": _judge_safely(lambda f=f: judge(subject, f)) for f in files}
-    return combine(outcomes, f"The FMU lists no {description}.")
+    return combine_outcomes(outcomes, f"The FMU lists no {description}.")
 
 
 def _require_path(file: RelatedFile) -> Path:
+    """Return the path of a related file. Raise NotRunError if it is not in the FMU."""
     if file.path is None:
         raise NotRunError("It is not in the FMU.")
     return file.path
@@ -106,13 +107,17 @@ def _judge_experiments(subject: Subject, purposes: tuple[str, ...], description:
         for setup in setups:
             label = f"{setup.label} ({len(outcomes) + 1})" if setup.label in outcomes else setup.label
             outcome = _judge_safely(lambda setup=setup: _judge_experiment(subject, setup, until))
-            if outcome.verdict == Verdict.FAILED and (file := _find_listed_set(subject, setup)) is not None:
-                outcome = _leave_fault_of_set(subject, file, outcome)
+            if (
+                outcome.verdict == Verdict.FAILED
+                and (file := _find_listed_parameter_set(subject, setup)) is not None
+            ):
+                outcome = _attribute_to_parameter_set(subject, file, outcome)
             outcomes[label] = outcome
-    return combine(outcomes, f"The FMU lists no {description}.")
+    return combine_outcomes(outcomes, f"The FMU lists no {description}.")
 
 
 def _read_experiments(subject: Subject, file: RelatedFile) -> list[ExperimentSetup]:
+    """Read the experiments of a related file. Raise NotRunError if its format is not read."""
     path = _require_path(file)
     if not is_of_type(file, TYPES, ".exp"):
         raise NotRunError(f"It has the type {file.type}. Its experiments were not run.")
@@ -120,6 +125,7 @@ def _read_experiments(subject: Subject, file: RelatedFile) -> list[ExperimentSet
 
 
 def _judge_experiment(subject: Subject, setup: ExperimentSetup, until: float) -> CheckOutcome:
+    """Run an experiment until a time of `time.monotonic()`. Judge it by its references, if it has any."""
     if setup.analysis != TRANSIENT:
         raise NotRunError(f"{setup.analysis} is not run.")
     reference, unknown = read_setup(subject, setup)
@@ -130,23 +136,25 @@ def _judge_experiment(subject: Subject, setup: ExperimentSetup, until: float) ->
         if "References" in setup.data
         else _judge_outputs(trajectory)
     )
-    gaps = (*_list_gaps(reference, trajectory, until), *reference.notes)
-    if unknown and outcome.verdict == Verdict.PASSED and _find_listed_set(subject, setup) is None:
+    gaps = (*_explain_early_end(reference, trajectory, until), *reference.notes)
+    if unknown and outcome.verdict == Verdict.PASSED and _find_listed_parameter_set(subject, setup) is None:
         message = f"Its parameters set {join_few_names(unknown)}, which the FMU does not have."
         return warned(message, gaps=gaps)
     return replace(outcome, gaps=gaps)
 
 
-def _find_listed_set(subject: Subject, setup: ExperimentSetup) -> RelatedFile | None:
+def _find_listed_parameter_set(subject: Subject, setup: ExperimentSetup) -> RelatedFile | None:
     """Return the parameter set of an experiment if it is listed, so that `related.parameters` judges it."""
     data = setup.data.get("Parameters")
     sets = [f for f in list_related(subject.folder) if f.role == "parameter" and f.path is not None]
     return None if data is None else next((f for f in sets if f.path == data.path), None)
 
 
-def _leave_fault_of_set(subject: Subject, file: RelatedFile, outcome: CheckOutcome) -> CheckOutcome:
+def _attribute_to_parameter_set(subject: Subject, file: RelatedFile, outcome: CheckOutcome) -> CheckOutcome:
     """Return the outcome of a failed experiment, which is not judged if its parameter set alone fails."""
-    if (outcome_of_set := _judge_safely(lambda: _judge_parameters(subject, file))).verdict != Verdict.FAILED:
+    if (
+        outcome_of_set := _judge_safely(lambda: _judge_parameter_set(subject, file))
+    ).verdict != Verdict.FAILED:
         return outcome
     return unjudged(
         f"Its parameter set '{file.source}' has a fault (`related.parameters`): {outcome_of_set.sentence}"
@@ -160,7 +168,10 @@ def _judge_outputs(trajectory: OutputTrajectory) -> CheckOutcome:
     return passed(f"It ran to t = {trajectory.times[-1]:.9g} s with finite outputs; it has no references.")
 
 
-def _list_gaps(reference: ReferenceSolution, trajectory: OutputTrajectory, until: float) -> Iterator[str]:
+def _explain_early_end(
+    reference: ReferenceSolution, trajectory: OutputTrajectory, until: float
+) -> Iterator[str]:
+    """Yield why a run ended before its stop time, if it did."""
     end, step = float(trajectory.times[-1]), reference.interval or reference.step or 0.0
     if end < reference.stop - step - 1e-9 * abs(reference.stop):
         why = "time was up" if time.monotonic() >= until else "the FMU asked to end the run"
@@ -201,28 +212,28 @@ def uncertainty(subject: Subject) -> CheckOutcome:
 def parameters(subject: Subject) -> CheckOutcome:
     """Check that parameter sets (SSV) name variables of the FMU, and that it runs a few steps with them."""
     files = [f for f in list_related(subject.folder) if f.role == "parameter"]
-    return _judge_each(subject, files, _judge_parameters, "parameter sets")
+    return _judge_each(subject, files, _judge_parameter_set, "parameter sets")
 
 
 _STEPS = 5
 """Steps of a run with a parameter set or from a state."""
 
 
-def _judge_parameters(subject: Subject, file: RelatedFile) -> CheckOutcome:
+def _judge_parameter_set(subject: Subject, file: RelatedFile) -> CheckOutcome:
     path = _require_path(file)
     if not is_of_type(file, (SSV,), ".ssv"):
         raise NotRunError(f"It has the type {file.type}, which is not read.")
     values, unknown = read_parameter_values(subject, path)
-    in_fresh_process(_run_with, subject, values)
+    in_fresh_process(_run_with_parameters, subject, values)
     if unknown:
         return warned(f"It sets {join_few_names(unknown)}, which the FMU does not have.")
     return passed(f"It sets {len(values)} variables; the FMU ran {_STEPS} steps with them.")
 
 
-def _run_with(subject: Subject, values: dict[str, object]) -> None:
+def _run_with_parameters(subject: Subject, values: dict[str, object]) -> None:
     course, instance = make_experiment(subject, _STEPS), HostedInstance(subject)
     instance.initialize({**course.at(0), **values}, float(course.times[0]))
-    for _ in walk(instance, course.times[:-1], course.step):
+    for _ in step_through(instance, course.times[:-1], course.step):
         pass
     instance.close()
 
@@ -234,10 +245,11 @@ def _run_with(subject: Subject, values: dict[str, object]) -> None:
 def states(subject: Subject) -> CheckOutcome:
     """Restore each serialized state in two new instances, and check that both continue, and the same."""
     files = [f for f in list_related(subject.folder) if f.role == "serialized-state"]
-    return _judge_each(subject, files, _judge_state, "serialized states")
+    return _judge_each(subject, files, _judge_serialized_state, "serialized states")
 
 
-def _judge_state(subject: Subject, file: RelatedFile) -> CheckOutcome:
+def _judge_serialized_state(subject: Subject, file: RelatedFile) -> CheckOutcome:
+    """Judge a serialized state by two runs from it, in new instances."""
     path = _require_path(file)
     if file.purpose not in ("", fmpy.platform, fmpy.platform_tuple):
         raise NotRunError(f"It is for {file.purpose}, and this machine is {fmpy.platform_tuple}.")
@@ -293,7 +305,7 @@ def metadata(subject: Subject) -> CheckOutcome:
     listed = list_related(subject.folder)
     if not listed:  # other checks need this one, so that they are skipped, too
         return skipped("The FMU lists no related files.")
-    used = {None, *_list_used(subject)}
+    used = {None, *_list_used_files(subject)}
     other_files = [f for f in listed if f.role not in _JUDGED_ROLES and f.path not in used]
     readable = [f for f in other_files if is_xml(f)]
     outcome = _judge_each(subject, readable, _judge_document, "meta-data")
@@ -305,12 +317,12 @@ def metadata(subject: Subject) -> CheckOutcome:
 
 
 def _judge_document(subject: Subject, file: RelatedFile) -> CheckOutcome:
-    if fault := find_fault(file, subject.folder):
+    if fault := find_xml_fault(file, subject.folder):
         return failed(fault)
     return passed("It is valid SRMD." if is_of_type(file, (SRMD,), ".srmd") else "It is well-formed XML.")
 
 
-def _list_used(subject: Subject) -> set[object]:
+def _list_used_files(subject: Subject) -> set[object]:
     """Return the files that results and experiments need."""
     results = [f.path for f in list_related(subject.folder) if f.role == "result" and f.path is not None]
     used: set[object] = set()

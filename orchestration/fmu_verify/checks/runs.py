@@ -15,13 +15,13 @@ from ..host.experiment import (
     keep_run,
     list_outputs,
     make_experiment,
+    read_end_of_run,
     read_limits,
     read_span,
     run_alone,
     run_instance,
     step_instance,
-    time_of_run,
-    walk,
+    step_through,
 )
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.process_state import fill_memory
@@ -47,7 +47,7 @@ def completes(subject: Subject) -> CheckOutcome:
         trajectory = step_instance(instance, course, until=until)
         steps_done = len(trajectory.times) - 1
         if steps_done == steps:
-            rest = _go_on(instance, course)
+            rest = _run_rest(instance, course)
             more = len(rest.times)
             keep_run(subject, course, _REST, rest)
     except CallError as error:
@@ -94,7 +94,7 @@ _PART_OF_REST = 0.05
 """Part of the time limit for it."""
 
 
-def _go_on(instance: HostedInstance, course: Experiment) -> OutputTrajectory:
+def _run_rest(instance: HostedInstance, course: Experiment) -> OutputTrajectory:
     """Step on with the last inputs to the end of the default experiment."""
     until = time.monotonic() + _PART_OF_REST * instance.subject.settings.seconds
     (start, step, count), names = read_span(instance.subject), list_outputs(instance.subject)
@@ -129,6 +129,7 @@ def ranges(subject: Subject) -> CheckOutcome:
 
 
 def _describe_violation(subject: Subject, name: str, values: np.ndarray, trajectory: OutputTrajectory) -> str:
+    """Return the first value of an output outside of its declared range, as a message; empty without one."""
     variable = subject.variables[name]
     low, high = read_limits(variable)
     # the standard allows "a certain uncertainty" of solvers
@@ -146,7 +147,7 @@ def deterministic(subject: Subject) -> CheckOutcome:
 
     The standard does not require it, but a run that is not repeatable cannot be compared with anything.
     """
-    first, ended = run_alone(subject), time_of_run(subject)
+    first, ended = run_alone(subject), read_end_of_run(subject)
     while int(time.time()) == int(ended):  # FMUs may use the clock second as a seed
         time.sleep(1.0 - time.time() % 1.0 + 1e-3)
     return compare_runs(in_fresh_process(_run_in_junk, subject), first, "A second run")
@@ -168,14 +169,15 @@ def order(subject: Subject) -> CheckOutcome:
     course = make_experiment(subject, min(max(steps, _FEWEST_STEPS), MOST_STEPS))
     expected = run_alone(subject, course)
     for description, backwards in (("one by one", False), ("one by one in reverse", True)):
-        actual = in_fresh_process(_run_one_by_one, subject, course, backwards)
+        actual = in_fresh_process(_run_exchanging_one_by_one, subject, course, backwards)
         outcome = compare_runs(actual, expected, f"A run with values exchanged {description}")
         if outcome.verdict != Verdict.PASSED:
             return outcome
     return passed(f"Exchanging values one by one, in both orders, gave the same {len(expected.times)} rows.")
 
 
-def _run_one_by_one(subject: Subject, course: Experiment, backwards: bool) -> OutputTrajectory:
+def _run_exchanging_one_by_one(subject: Subject, course: Experiment, backwards: bool) -> OutputTrajectory:
+    """Run an instance with one call for each input and output, if `backwards` in reverse order."""
     instance, names = HostedInstance(subject), list_outputs(subject)
 
     def order_of(all_names: Sequence[str]) -> list[str]:
@@ -194,7 +196,7 @@ def _run_one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Ou
     set_inputs(0)
     instance.initialize(None, float(course.times[0]))
     rows = [read_outputs()]
-    rows += [read_outputs() for _ in walk(instance, course.times[:-1], course.step, set_inputs)]
+    rows += [read_outputs() for _ in step_through(instance, course.times[:-1], course.step, set_inputs)]
     values = np.array(rows, dtype=float).reshape(len(rows), len(names))
     return OutputTrajectory(course.times[: len(rows)], names, values)
 
@@ -214,7 +216,7 @@ def split(subject: Subject) -> CheckOutcome:
     values = half_steps.values[: 2 * rows : 2]
     every_other = OutputTrajectory(full_steps.times[:rows], full_steps.names, values)
     different, most = describe_differences(full_steps, every_other, rows)
-    if different and (same := _list_without_size(subject, course)):
+    if different and (same := _find_outputs_that_ignore_step_size(subject, course)):
         names = join_few_names(same)
         count = _STEPS_WITHOUT_INPUTS
         message = f"These are the same after {count} half steps as after {count} whole ones: {names}."
@@ -232,7 +234,7 @@ def split(subject: Subject) -> CheckOutcome:
 _STEPS_WITHOUT_INPUTS = 20
 
 
-def _list_without_size(subject: Subject, course: Experiment) -> list[str]:
+def _find_outputs_that_ignore_step_size(subject: Subject, course: Experiment) -> list[str]:
     """Return continuous outputs that change as much in half steps as in whole ones, with constant inputs."""
     inputs = {name: np.full(_STEPS_WITHOUT_INPUTS + 1, v[0]) for name, v in course.inputs.items()}
     full_steps, half_steps = (

@@ -5,7 +5,7 @@ from functools import partial
 
 from ..check import CheckOutcome, check, quote, skipped, unjudged
 from ..messages import Breach, Problem, judge_problems
-from ..sanitizer.run import TIME_FACTOR, SanitizedRun, count_bytes, run_sanitized
+from ..sanitizer.run import TIME_FACTOR, SanitizedRun, format_bytes, run_sanitized
 from ..subject import Subject
 
 _check = partial(
@@ -36,9 +36,9 @@ def address(subject: Subject) -> CheckOutcome:
     """Run a build of the sources with AddressSanitizer through all phases of two instances."""
     run = run_sanitized(subject)
     if not run.has_address:
-        return _describe_missing(run, "AddressSanitizer")
+        return _skip_without_build(run, "AddressSanitizer")
     problems = [Breach(fault.sentence, _CLAUSES.get(fault.kind, _OUTSIDE)) for fault in run.memory_faults]
-    return _judge(run, problems, "A build of the sources with AddressSanitizer reports nothing.")
+    return _judge_run(run, problems, "A build of the sources with AddressSanitizer reports nothing.")
 
 
 @_check("sanitizer.leaks", clause=quote("shared.freed"))
@@ -46,13 +46,13 @@ def leaks(subject: Subject) -> CheckOutcome:
     """Check which memory nothing points to after the instances were freed."""
     run = run_sanitized(subject)
     if not run.has_address:
-        return _describe_missing(run, "LeakSanitizer")
+        return _skip_without_build(run, "LeakSanitizer")
     if run.memory_faults:
         return _ENDED
     if not run.judges_leaks and not run.leaks:
         return unjudged("The run with LeakSanitizer did not come to its end.")
     problems = [
-        f"{leak.source_line} allocates {count_bytes(leak.size)} that are never freed." for leak in run.leaks
+        f"{leak.source_line} allocates {format_bytes(leak.size)} that are never freed." for leak in run.leaks
     ]
     return judge_problems(problems, "After the instances were freed, no memory is left.")
 
@@ -62,13 +62,13 @@ def undefined(subject: Subject) -> CheckOutcome:
     """Run a build of the sources with UBSan through all phases of two instances."""
     run = run_sanitized(subject)
     if run.missing:
-        return _describe_missing(run, "UndefinedBehaviorSanitizer")
+        return _skip_without_build(run, "UndefinedBehaviorSanitizer")
     if run.memory_faults and not run.undefined:
         return _ENDED
-    return _judge(run, run.undefined, "A build of the sources with UBSan reports nothing.")
+    return _judge_run(run, run.undefined, "A build of the sources with UBSan reports nothing.")
 
 
-def _judge(run: SanitizedRun, problems: Sequence[Problem], fine: str) -> CheckOutcome:
+def _judge_run(run: SanitizedRun, problems: Sequence[Problem], fine: str) -> CheckOutcome:
     """Return the outcome of a run with a sanitizer. One that makes no step shows only what is wrong."""
     if not problems and not run.ran:
         reason = next(iter(run.gaps), "The build of its sources makes no step.")
@@ -76,7 +76,7 @@ def _judge(run: SanitizedRun, problems: Sequence[Problem], fine: str) -> CheckOu
     return judge_problems(problems, fine, gaps=run.gaps)
 
 
-def _describe_missing(run: SanitizedRun, sanitizer: str) -> CheckOutcome:
+def _skip_without_build(run: SanitizedRun, sanitizer: str) -> CheckOutcome:
     """Return the outcome where there is no build with a sanitizer."""
     reason = run.missing or f"The compiler of this machine has no {sanitizer}."
     return skipped(reason, gaps=(reason,) if run.has_sources else ())

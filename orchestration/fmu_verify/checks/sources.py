@@ -79,9 +79,9 @@ def compile_(subject: Subject) -> CheckOutcome:
             return skipped("Not all of the sources are C.")
         if not header_folders and _can_build_for_sanitizers(subject, kind, needed):
             continue
-        if (outcome := _describe_compilation(folder, names, seconds, needed=needed)) is not None:
+        if (outcome := _try_to_compile(folder, names, seconds, needed=needed)) is not None:
             is_late = outcome.verdict == Verdict.SKIPPED
-            if is_late or not header_folders or _describe_compilation(folder, names, seconds, header_folders):
+            if is_late or not header_folders or _try_to_compile(folder, names, seconds, header_folders):
                 return outcome
             return warned(
                 "The sources compile only with include folders, which SourceFiles cannot list: "
@@ -109,14 +109,14 @@ def _judge_configurations(subject: Subject) -> CheckOutcome:
         names = [path.relative_to(folder.resolve()).as_posix() for path in sources.files]
         # functions then have no prefix, which those of static libraries have
         macros = (*sources.macros, "-DFMI3_OVERRIDE_FUNCTION_PREFIX")
-        outcome = _describe_compilation(folder, names, seconds, sources.includes, macros, needed)
+        outcome = _try_to_compile(folder, names, seconds, sources.includes, macros, needed)
         if outcome is not None:
             return outcome
     return passed(f"The sources for {' and '.join(source_sets)} compile and link.")
 
 
 def _can_build_for_sanitizers(subject: Subject, kind: str, needed: Collection[str]) -> bool:
-    """Return whether the build with sanitizers, which takes longer and must be made anyway, has all."""
+    """Build the sources with sanitizers, for other checks, too. Return whether all functions are there."""
     if (sources := find_sources(subject, kind)) is None:
         return False
     note(f"a compiler building {', '.join(path.name for path in sources.files)} with sanitizers")
@@ -125,7 +125,7 @@ def _can_build_for_sanitizers(subject: Subject, kind: str, needed: Collection[st
     return library is not None and not _list_missing_functions(library, needed)
 
 
-def _describe_compilation(
+def _try_to_compile(
     folder: Path,
     names: Sequence[str],
     seconds: float,
@@ -133,7 +133,9 @@ def _describe_compilation(
     macros: Sequence[str] = (),
     needed: Collection[str] = (),
 ) -> CheckOutcome | None:
-    """Compile and link these files, with more include folders and macros. Return None on success.
+    """Compile and link these files, with more include folders and macros.
+
+    Return None on success; otherwise the outcome, also if there is no compiler or it takes too long.
 
     Args:
         folder: The folder `sources`.
@@ -179,7 +181,10 @@ def _describe_compilation(
 
 
 def _list_missing_functions(library: Path, needed: Collection[str]) -> list[str]:
-    """Return the functions that a compiled library lacks. Their names may have a prefix."""
+    """Return the functions that a compiled library lacks; none if it shows none of them.
+
+    Their names may have a prefix.
+    """
     binary = parse_library(library)
     exported = set() if binary is None else list_exports(binary)
     defined = {name for name in needed if any(e == name or e.endswith(f"_{name}") for e in exported)}
@@ -229,6 +234,7 @@ def _find_contradictions(root: Any, subject: Subject) -> Iterator[Problem]:
 
 
 def _find_missing_files(root: Any, subject: Subject) -> Iterator[Problem]:
+    """Yield source files and include directories that do not exist, and platforms named as in FMI 2.0."""
     folder = subject.folder / "sources"
     for name in dict.fromkeys(e.get("name") for e in root.iterfind(".//SourceFile")):
         if find_inside(folder, name) is None:

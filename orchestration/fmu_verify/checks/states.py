@@ -39,7 +39,7 @@ def restored(subject: Subject) -> CheckOutcome:
     instance.initialize(course.at(0), float(course.times[0]))
     worst = None
     for first, last in zip(instants, [*instants[1:], steps], strict=True):
-        for outcome in _run_twice(instance, course, first, last):
+        for outcome in _run_twice_from_state(instance, course, first, last):
             if outcome.verdict == Verdict.FAILED:
                 return outcome
             worst = outcome if outcome.verdict == Verdict.WARNING else worst
@@ -51,7 +51,10 @@ def restored(subject: Subject) -> CheckOutcome:
     )
 
 
-def _run_twice(instance: HostedInstance, course: Experiment, first: int, last: int) -> list[CheckOutcome]:
+def _run_twice_from_state(
+    instance: HostedInstance, course: Experiment, first: int, last: int
+) -> list[CheckOutcome]:
+    """Compare two runs from a saved state, between two communication points, with the first run."""
     state = instance.save_state()
     expected = step_instance(instance, course, first, last)
     outcomes = []
@@ -75,15 +78,20 @@ _MIN_GROWTH = 2.0**16, 2.0**12
 """Bytes by which the process must grow each time, counted by pages (a few are not a leak), and exactly."""
 
 
-def _measure_growth(instance: HostedInstance) -> float:
-    """Return the bytes that each call leaves which saves a state again in its own memory; 0 for no leak."""
+def _measure_growth_per_save(instance: HostedInstance) -> float:
+    """Return the bytes by which the process grows with each call that saves a state over an earlier one.
+
+    States are freed in between. 0 if nothing leaks, or if the memory cannot be measured.
+    """
     if not can_read_memory():
         return 0.0
-    counts = read_allocated() is not None
+    uses_mallinfo = read_allocated() is not None
     used, count = [], 0
     for _ in range(3):
         state, count = instance.save_state(), 0
-        for _ in take_in_time(range(_MAX_SAVES[counts]), _TIME_FRACTION * instance.subject.settings.seconds):
+        for _ in take_in_time(
+            range(_MAX_SAVES[uses_mallinfo]), _TIME_FRACTION * instance.subject.settings.seconds
+        ):
             instance.save_state_again(state)
             count += 1
         instance.free_state(state)
@@ -94,7 +102,7 @@ def _measure_growth(instance: HostedInstance) -> float:
 
 @check("state.freed", needs=("state.restored",))
 def freed(subject: Subject) -> CheckOutcome:
-    """Check that fmi2FreeFMUstate frees a state that was saved again, sets NULL, and ignores NULL."""
+    """Check that saving a state again and freeing it leaks nothing; freeing must set and ignore NULL."""
     if not subject.has_capability("canGetAndSetFMUstate"):
         return skipped("canGetAndSetFMUstate is not set.")
     instance, course = HostedInstance(subject), make_experiment(subject, 1)
@@ -103,7 +111,7 @@ def freed(subject: Subject) -> CheckOutcome:
     instance.free_state(state)
     if state.value is not None:
         return failed("fmi2FreeFMUstate leaves the pointer to the state that it freed.")
-    if grown := _measure_growth(instance):
+    if grown := _measure_growth_per_save(instance):
         return failed(
             f"The process grew by {grown:.0f} bytes with each call of fmi2GetFMUstate that was given an "
             "earlier state, although the state was freed then.",

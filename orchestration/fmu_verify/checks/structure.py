@@ -28,7 +28,7 @@ def outputs(subject: Subject) -> CheckOutcome:
     declared = subject.declared
     expected = {v.index for v in declared.variables if v.causality == "output"}
     problems = [
-        *_find_invalid(declared.outputs, declared, _OUTPUTS),
+        *_find_invalid_indices(declared.outputs, declared, _OUTPUTS),
         *_compare_indices(declared.outputs, expected, declared, _OUTPUTS),
     ]
     return judge_problems(problems, f"{len(expected)} outputs are listed.")
@@ -42,18 +42,18 @@ def derivatives(subject: Subject) -> CheckOutcome:
     problems = [
         *_judge_clocked_states(declared),
         *_judge_event_indicators(declared),
-        *_find_invalid(listed, declared, quote("structure.derivatives")),
+        *_find_invalid_indices(listed, declared, quote("structure.derivatives")),
         *_judge_derivatives(declared),
-        *_find_misdirected(declared),
+        *_find_misdirected_derivatives(declared),
     ]
     doubts = [
         Breach(f"{v} is the derivative of {of}, but {listed} lacks it.", quote("structure.missing"))
-        for v, of in find_unlisted(declared, subject)
+        for v, of in find_unlisted_derivatives(declared, subject)
     ]
     return judge_problems(problems, f"{len(listed.unknowns)} state derivatives are listed.", doubts)
 
 
-def find_unlisted(
+def find_unlisted_derivatives(
     declared: Declarations, subject: Subject
 ) -> Iterator[tuple[DeclaredVariable, DeclaredVariable]]:
     """Yield derivatives of what looks like a continuous-time state, which the list lacks, and these states.
@@ -96,7 +96,7 @@ def _judge_derivatives(declared: Declarations) -> Iterator[Problem]:
 
 def _judge_clocked_states(declared: Declarations) -> Iterator[Problem]:
     """Yield problems with ClockedState of FMI 3.0."""
-    yield from _find_invalid(declared.clocked_states, declared, _CLOCKED)
+    yield from _find_invalid_indices(declared.clocked_states, declared, _CLOCKED)
     for variable in declared.clocked_states.variables:
         if variable.variability != "discrete" or variable.clocks is None or variable.type == "Clock":
             kind = f"{variable.variability}, of type {variable.type}"
@@ -108,7 +108,7 @@ def _judge_clocked_states(declared: Declarations) -> Iterator[Problem]:
 
 def _judge_event_indicators(declared: Declarations) -> Iterator[Problem]:
     """Yield problems with EventIndicator of FMI 3.0."""
-    yield from _find_invalid(declared.event_indicators, declared, _INDICATORS)
+    yield from _find_invalid_indices(declared.event_indicators, declared, _INDICATORS)
     for variable in declared.event_indicators.variables:
         if variable.variability != "continuous" or not variable.is_real:
             kind = f"{variable.variability}, of type {variable.type}"
@@ -118,7 +118,7 @@ def _judge_event_indicators(declared: Declarations) -> Iterator[Problem]:
             yield Breach(message, _STATES)
 
 
-def _find_misdirected(declared: Declarations) -> Iterator[Problem]:
+def _find_misdirected_derivatives(declared: Declarations) -> Iterator[Problem]:
     """Yield derivatives of what is not another Real variable."""
     for variable in declared.variables:
         index = variable.derivative
@@ -139,12 +139,14 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
     """Check that InitialUnknowns lists what initialization computes, once, by ascending index."""
     declared = subject.declared
     listed = declared.initial_unknowns
-    doubtful = {v.index for v in declared.variables if not v.possible or v.is_clocked} | list_ignored(subject)
+    doubtful = {
+        v.index for v in declared.variables if not v.is_possible or v.is_clocked
+    } | list_ignored_states(subject)
     # reported as derivatives
-    doubtful |= {v.index for pair in find_unlisted(declared, subject) for v in pair}
+    doubtful |= {v.index for pair in find_unlisted_derivatives(declared, subject) for v in pair}
     expected = list_initially_unknown(declared) - doubtful
     problems: list[Problem] = [
-        *_find_invalid(listed, declared, _INITIAL),
+        *_find_invalid_indices(listed, declared, _INITIAL),
         *_compare_indices(listed, expected, declared, _INITIAL, doubtful),
     ]
     # the order is judged only of a list that has what it should have
@@ -162,8 +164,8 @@ def ignores_derivatives(subject: Subject) -> bool:
     return not subject.has_flag(flag, "CoSimulation") and "ModelExchange" not in subject.kinds
 
 
-def list_ignored(subject: Subject) -> set[int]:
-    """Return states and derivatives of an FMU for which the standard ignores the element Derivatives."""
+def list_ignored_states(subject: Subject) -> set[int]:
+    """Return the indices of states and derivatives that are not outputs, if the standard ignores them."""
     declared = subject.declared
     if not ignores_derivatives(subject):
         return set()
@@ -185,7 +187,7 @@ def list_initially_unknown(declared: Declarations) -> set[int]:
     }
 
 
-def _find_invalid(listed: UnknownList, declared: Declarations, clause: Clause) -> Iterator[Problem]:
+def _find_invalid_indices(listed: UnknownList, declared: Declarations, clause: Clause) -> Iterator[Problem]:
     """Yield problems with the indices of a list: unknown or repeated ones, and local Clocks."""
     for unknown in listed.unknowns:
         if (variable := unknown.variable) is None:
@@ -204,7 +206,7 @@ def _compare_indices(
     clause: Clause,
     doubtful: Iterable[int] = (),
 ) -> Iterator[Problem]:
-    """Yield wanted indices that are missing, and listed ones that are neither wanted nor doubtful."""
+    """Yield expected indices that are missing, and listed ones that are neither expected nor doubtful."""
     if missing := expected.difference(listed.indices):
         yield Breach(f"{listed} lacks {declared.names(missing)}.", clause)
     if surplus := {v.index for v in listed.variables}.difference(expected, doubtful):
@@ -226,7 +228,7 @@ _INDEPENDENT = quote("listed_dependencies.independent")
 def dependencies(subject: Subject) -> CheckOutcome:
     """Check that dependencies exist, ascend, refer to knowns, and have a kind each or none."""
     declared = subject.declared
-    states = declared.states() | {of.index for _, of in find_unlisted(declared, subject)}
+    states = declared.states() | {of.index for _, of in find_unlisted_derivatives(declared, subject)}
     free = {v.index for v in declared.variables if v.causality in ("input", "independent")}
     knowns_later = states | free
     knowns_at_start = free | {v.index for v in declared.variables if v.initial == "exact"}
@@ -245,7 +247,9 @@ def dependencies(subject: Subject) -> CheckOutcome:
         remaining = knowns - left_out  # once: there may be 100,000 of both
         for unknown in listed.unknowns:
             label, count = f"{unknown} in {listed}", count + len(unknown.dependencies or ())
-            problems += _find_ill_formed(label, unknown, declared, listed is declared.initial_unknowns)
+            problems += _find_ill_formed_dependencies(
+                label, unknown, declared, listed is declared.initial_unknowns
+            )
             problems += _find_missing_alias(label, unknown, remaining, declared)
             not_known = [
                 v for i in unknown.dependencies or () if i not in knowns and (v := declared.variable(i))
@@ -266,7 +270,7 @@ def _find_missing_alias(
     variable = unknown.variable
     if variable is None or variable.index in knowns or unknown.dependencies is None:
         return  # exporters differ in whether a known variable depends on itself
-    shared = declared.share_value(variable)
+    shared = declared.find_aliases(variable)
     known_aliases = [v for v in shared if v.index in knowns and v.variability != "constant"]
     if known_aliases and not {v.index for v in known_aliases}.intersection(unknown.dependencies):
         message = f"{label} has the value of {known_aliases[0]}, but its dependencies lack it."
@@ -301,7 +305,7 @@ def _compare_with_initial(declared: Declarations, states: set[int], free: set[in
                     yield Breach(f"{message}, but not in {other_list}.", _INDEPENDENT)
 
 
-def _find_ill_formed(
+def _find_ill_formed_dependencies(
     label: str, unknown: DeclaredUnknown, declared: Declarations, is_initial: bool
 ) -> Iterator[Problem]:
     """Yield problems with indices and kinds of dependencies."""

@@ -28,17 +28,17 @@ _TIME_FRACTION = 0.5
 
 @check("values.booleans", needs=("run.completes",))
 def booleans(subject: Subject) -> CheckOutcome:
-    """Check the Booleans of a run."""
-    return _judge(subject, "Boolean", lambda _, value: value in (0, 1))
+    """Check that Booleans are true or false in runs with inputs and parameters that change."""
+    return _judge_values(subject, "Boolean", lambda _, value: value in (0, 1))
 
 
 @check("values.enumerations", needs=("run.completes",))
 def enumerations(subject: Subject) -> CheckOutcome:
-    """Check the Enumerations of a run."""
-    return _judge(subject, "Enumeration", lambda variable, value: value in list_items(variable))
+    """Check that Enumerations have values of their items in runs with inputs and parameters that change."""
+    return _judge_values(subject, "Enumeration", lambda variable, value: value in list_items(variable))
 
 
-def _judge(subject: Subject, kind: str, is_valid: Any) -> CheckOutcome:
+def _judge_values(subject: Subject, kind: str, is_valid: Any) -> CheckOutcome:
     all_variables = [v for v in subject.description.modelVariables if v.type == kind]
     if not all_variables:
         return skipped(f"It has no {kind}.")
@@ -126,18 +126,22 @@ def strings(subject: Subject) -> CheckOutcome:
     if not all_variables:
         return skipped("It has no String.")
     variables = all_variables[:MOST]
-    problems, gaps = in_fresh_process(_find_invalid, subject, variables)
+    problems, gaps = in_fresh_process(_find_invalid_strings, subject, variables)
     fine = f"{len(variables)} Strings are valid."
     return judge_problems(problems, fine, gaps=(*gaps, *_list_unread(variables, all_variables)))
 
 
-def _find_invalid(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list[str], tuple[str, ...]]:
+def _find_invalid_strings(
+    subject: Subject, variables: Sequence[ModelVariable]
+) -> tuple[list[str], tuple[str, ...]]:
     """Return what is wrong with Strings in a run, and what the run lacks."""
     messages, gaps = dict[str, str](), list[str]()
     with fill_memory():  # what is freed does not keep its content
         for k, (time, instance) in enumerate(_run_varying(subject, {}, gaps)):
             for variable in variables:
-                if problem := _describe_problem(instance, variable, checks_memory=k % _STEPS_PER_CHANGE == 0):
+                if problem := _describe_string_problem(
+                    instance, variable, checks_memory=k % _STEPS_PER_CHANGE == 0
+                ):
                     messages.setdefault(variable.name, f"{variable.name} {problem} at t = {time:.9g} s.")
             if not messages and (name := _find_overwritten(instance, [v.name for v in variables])):
                 problem = "has another value if all Strings are read in one call"
@@ -151,7 +155,7 @@ def _find_overwritten(instance: HostedInstance, names: Sequence[str]) -> str:
     return next((name for name, joint_value, single_value in pairs if joint_value != single_value), "")
 
 
-def _describe_problem(instance: HostedInstance, variable: ModelVariable, checks_memory: bool) -> str:
+def _describe_string_problem(instance: HostedInstance, variable: ModelVariable, checks_memory: bool) -> str:
     """Return what is wrong with a String, or an empty text. To look where it is takes longest."""
     pointer = (ctypes.c_char_p * 1)()
     with instance.calling():

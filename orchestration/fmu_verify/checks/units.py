@@ -42,6 +42,7 @@ def _find_repeated_units(declared: Declarations) -> Iterator[Problem]:
 
 
 def _find_undefined_units(declared: Declarations) -> Iterator[Problem]:
+    """Yield units that are used but not defined, and variables with a display unit but no unit."""
     used = [(v.name, v.own_attributes.get("unit")) for v in declared.variables]
     used += [(f"the type {t.name}", t.attributes.get("unit")) for t in declared.types]
     for who, unit in used:
@@ -56,12 +57,12 @@ def _find_undefined_units(declared: Declarations) -> Iterator[Problem]:
 
 @check("units.consistent", needs=("units.defined",))
 def consistent(subject: Subject) -> CheckOutcome:
-    """Check exponents and factors of units with well-known names, and of their display units.
+    """Check that factors and offsets are possible, and match well-known names of units and display units.
 
     The standard leaves names of units free, so that a name that contradicts them only warns.
     """
     units = subject.declared.units
-    problems = [Breach(p, _CONVERTED) for unit in units for p in _find_infinite(unit)]
+    problems = [Breach(p, _CONVERTED) for unit in units for p in _find_invalid_conversions(unit)]
     problems += [
         Breach(f"{display['name']} (display of {unit.name}) is inverse, but has an offset.", _INVERSE)
         for unit in units
@@ -79,7 +80,8 @@ def _is_inverse(display: Mapping[str, str]) -> bool:
     return display.get("inverse") in ("true", "1")
 
 
-def _find_infinite(unit: DeclaredUnit) -> Iterator[str]:
+def _find_invalid_conversions(unit: DeclaredUnit) -> Iterator[str]:
+    """Yield units and display units whose factor is 0 or infinite, or whose offset is infinite."""
     names_and_attributes = [
         (unit.name, unit.base or {}),
         *((f"{d['name']} (display of {unit.name})", d) for d in unit.display),
@@ -145,6 +147,7 @@ def _compare_units(
 
 
 def _read_exponents(base: Mapping[str, str], per_second: bool = False) -> tuple[int, ...]:
+    """Return the exponents of the base units, with `per_second` those of the unit divided by s."""
     exponents = [int(base.get(name, 0)) for name in BASE_UNITS]
     exponents[BASE_UNITS.index("s")] -= per_second
     return tuple(exponents)

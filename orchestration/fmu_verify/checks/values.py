@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 from ..check import CheckOutcome, Verdict, check, failed, quote, skipped
-from ..host.experiment import make_experiment, read_span, walk
+from ..host.experiment import make_experiment, read_span, step_through
 from ..host.hosted_instance import HostedInstance
 from ..host.other_values import (
     MOST,
@@ -46,7 +46,9 @@ def starts(subject: Subject) -> CheckOutcome:
         if (start := read_start(v)) is not None and not are_same(values[v.name], start)
     }
     certain = names | {v.name for v in further if v.variability == "constant"}
-    certain -= {name for name in values if _is_bound(read_start(subject.variables[name]), values[name])}
+    certain -= {
+        name for name in values if _is_shifted_zero(read_start(subject.variables[name]), values[name])
+    }
     # events of the initialization may change the others
     return judge_problems(
         [text for name, text in messages.items() if name in certain],
@@ -56,7 +58,7 @@ def starts(subject: Subject) -> CheckOutcome:
     )
 
 
-def _is_bound(start: Any, value: Any) -> bool:
+def _is_shifted_zero(start: Any, value: Any) -> bool:
     """Return whether a start value of 0 became a tiny one, as FMUs do that divide by it."""
     return isinstance(value, float) and start == 0.0 and 0.0 < abs(value) < _MAX_SHIFT_OF_ZERO
 
@@ -263,7 +265,7 @@ def shared(subject: Subject) -> CheckOutcome:
         for results in run_where_accepted(partial(run, names=names[:MOST]), subject, changes):
             wrong = [n for n in plain if n in results and _is_different(results[n], plain[n])]
             if wrong and outcome.verdict == Verdict.PASSED:
-                message = f"{wrong[0]} is another one in an instance beside one with other values."
+                message = f"{wrong[0]} has another value in an instance beside one with other values."
                 outcome = failed(message, gaps=outcome.gaps)
     return outcome
 
@@ -278,39 +280,39 @@ def _read_two_instances(subject: Subject, changes: Values) -> tuple[Values, Valu
 
 
 def _record_results(subject: Subject, changes: Values | None, names: Sequence[str]) -> Values:
-    """Return outputs after some steps: alone, or of the second of two instances."""
+    """Return outputs after some steps: alone, or with `changes` beside an instance that has these values."""
     start, step, _ = read_span(subject)
-    second_instance = None if changes is None else HostedInstance(subject, "other")
+    other_instance = None if changes is None else HostedInstance(subject, "other")
     instance = HostedInstance(subject)
-    if second_instance is not None:
-        second_instance.initialize(changes, start)
+    if other_instance is not None:
+        other_instance.initialize(changes, start)
     instance.initialize(None, start)
-    if second_instance is not None:
-        second_instance.step(start, step)
+    if other_instance is not None:
+        other_instance.step(start, step)
     return _step_and_read(instance, names)
 
 
 def _record_tuned_results(subject: Subject, changes: Values, names: Sequence[str]) -> Values:
     """Return outputs after some steps of an instance, while another one gets other values between steps."""
     start, step, _ = read_span(subject)
-    instance, second_instance = HostedInstance(subject), HostedInstance(subject, "other")
+    instance, other_instance = HostedInstance(subject), HostedInstance(subject, "other")
     instance.initialize(None, start)
-    second_instance.initialize(None, start)
+    other_instance.initialize(None, start)
     late = {v.name for v in list_settable(subject, "parameter", "input", tunable=True)}
-    second_instance.step(start, step)
-    second_instance.set({name: value for name, value in changes.items() if name in late})
+    other_instance.step(start, step)
+    other_instance.set({name: value for name, value in changes.items() if name in late})
     return _step_and_read(instance, names)
 
 
 def _record_structural_results(subject: Subject, changes: Values, names: Sequence[str]) -> Values:
     """Return results of an instance beside one with other structural parameters."""
     structure = list_other_values(list_settable(subject, "structuralParameter"))
-    instance, second_instance = HostedInstance(subject), HostedInstance(subject, "other")
-    with second_instance.calling():
-        second_instance.fmu.enterConfigurationMode()
-    second_instance.set(structure)
-    with second_instance.calling():
-        second_instance.fmu.exitConfigurationMode()
+    instance, other_instance = HostedInstance(subject), HostedInstance(subject, "other")
+    with other_instance.calling():
+        other_instance.fmu.enterConfigurationMode()
+    other_instance.set(structure)
+    with other_instance.calling():
+        other_instance.fmu.exitConfigurationMode()
     instance.initialize(None, read_span(subject)[0])
     return _step_and_read(instance, names)
 
@@ -319,7 +321,7 @@ def _step_and_read(instance: HostedInstance, names: Sequence[str]) -> Values:
     """Return values after some steps of an instance that was initialized."""
     course = make_experiment(instance.subject, _STEPS)
     # inputs are 0 at the start, which may hide parameters
-    for _ in walk(instance, course.times[:-1], course.step, lambda k: instance.set(course.at(k + 1))):
+    for _ in step_through(instance, course.times[:-1], course.step, lambda k: instance.set(course.at(k + 1))):
         pass
     return read_values(instance, names)
 

@@ -50,7 +50,7 @@ def names(subject: Subject) -> CheckOutcome:
 def attributes(subject: Subject) -> CheckOutcome:
     """Check that causality, variability, initial and type of every variable are compatible."""
     declared = subject.declared
-    problems: list[Problem] = [p for v in declared.variables for p in _find_impossible(v)]
+    problems: list[Problem] = [p for v in declared.variables for p in _find_impossible_attributes(v)]
     independent = [v.name for v in declared.variables if v.causality == "independent"]
     if len(independent) > 1:
         message = f"Both {independent[0]} and {independent[1]} are independent."
@@ -66,12 +66,13 @@ def attributes(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, f"{len(declared.variables)} variables have compatible attributes.")
 
 
-def _find_impossible(variable: DeclaredVariable) -> Iterator[Problem]:
+def _find_impossible_attributes(variable: DeclaredVariable) -> Iterator[Problem]:
+    """Yield what is wrong with the causality, variability, initial and type of a variable together."""
     message = f"{variable} is {variable.variability} and {_add_article(variable.causality)}"
     if variable.initials is None:
         yield f"{message}, which the standard does not allow."
-    elif not variable.possible:
-        yield Breach(f"{message}; its initial cannot be {variable.given_initial}.", _INITIAL)
+    elif not variable.is_possible:
+        yield Breach(f"{message}; its initial cannot be {variable.declared_initial}.", _INITIAL)
     if variable.variability == "continuous" and not variable.is_real:
         only = "Float32 and Float64" if variable.version == 3 else "a Real"
         message = f"{variable} is continuous, but of type {variable.type}; only {only} can be."
@@ -127,7 +128,7 @@ def _add_article(causality: str) -> str:
 def aliases(subject: Subject) -> CheckOutcome:
     """Check that aliases agree in unit and variability, and that at most one has a start value."""
     if subject.version == 3:
-        return _judge_references(subject.declared)
+        return _judge_value_references(subject.declared)
     sets = subject.declared.alias_sets
     problems = [p for alias_set in sets for p in _judge_aliases(alias_set)]
     doubts = [p for alias_set in sets for p in _find_lower_variability(alias_set)]
@@ -135,7 +136,7 @@ def aliases(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, fine, doubts)
 
 
-def _judge_references(declared: Declarations) -> CheckOutcome:
+def _judge_value_references(declared: Declarations) -> CheckOutcome:
     """Judge value references of FMI 3.0, in which aliases are elements of their variable."""
     names_by_reference: dict[int, list[str]] = defaultdict(list)
     for variable in declared.variables:
@@ -161,6 +162,7 @@ def _find_lower_variability(alias_set: Sequence[DeclaredVariable]) -> Iterator[P
 
 
 def _judge_aliases(alias_set: Sequence[DeclaredVariable]) -> Iterator[Problem]:
+    """Yield what is wrong with variables that have the same value reference."""
     label = (
         f"{alias_set[0]} and {alias_set[1]}"
         if len(alias_set) == 2
@@ -194,7 +196,7 @@ _DEFINED = quote("description.types")
 def types(subject: Subject) -> CheckOutcome:
     """Check that every declared type is defined once and matches the type of its variables."""
     declared = subject.declared
-    problems = [*_judge_names(declared), *_judge_uses(declared)]
+    problems = [*_judge_type_names(declared), *_judge_type_uses(declared)]
     problems += [
         Breach(
             f"More than one item of the enumeration {type_.name} has the {attribute} {repeated}.",
@@ -207,30 +209,32 @@ def types(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, f"{len(declared.types)} types are defined and used correctly.")
 
 
-def _judge_names(declared: Declarations) -> Iterator[Problem]:
+def _judge_type_names(declared: Declarations) -> Iterator[Problem]:
     variables = {v.name for v in declared.variables}
     for name in find_repeated(t.name for t in declared.types):
-        yield Breach(f"More than one {_name_kind(declared)} has the name {name}.", quote("types.unique"))
+        yield Breach(
+            f"More than one {_name_type_element(declared)} has the name {name}.", quote("types.unique")
+        )
     for type_ in declared.types:
         if type_.name in variables:
             yield Breach(
-                f"The {_name_kind(declared)} {type_.name} has the name of a variable.",
+                f"The {_name_type_element(declared)} {type_.name} has the name of a variable.",
                 quote("types.no_variable"),
             )
 
 
-def _name_kind(declared: Declarations) -> str:
+def _name_type_element(declared: Declarations) -> str:
     return "type definition" if declared.version == 3 else "SimpleType"
 
 
-def _judge_uses(declared: Declarations) -> Iterator[Problem]:
+def _judge_type_uses(declared: Declarations) -> Iterator[Problem]:
     by_name = {t.name: t for t in declared.types}
     for variable in declared.variables:
         name = variable.own_attributes.get("declaredType")
         if name is None:
             continue
         if name not in by_name:
-            message = f"{variable} is declared as {name}, which is not a {_name_kind(declared)}."
+            message = f"{variable} is declared as {name}, which is not a {_name_type_element(declared)}."
             yield Breach(message, _DEFINED)
         elif by_name[name].type != variable.type:
             expected = by_name[name].type
@@ -249,13 +253,13 @@ _NOMINAL = quote("starts.nominal")
 @check("variables.start", needs=("description.schema",))
 def presence(subject: Subject) -> CheckOutcome:
     """Check that variables have a start value if and only if the standard requires one."""
-    variables = [v for v in subject.declared.variables if v.possible and v.type != "Clock"]
-    problems = [p for v in variables for p in _find_misplaced(v)]
+    variables = [v for v in subject.declared.variables if v.is_possible and v.type != "Clock"]
+    problems = [p for v in variables for p in _find_misplaced_starts(v)]
     fine = f"{sum(v.start is not None for v in variables)} variables have start values."
     return judge_problems(problems, fine)
 
 
-def _find_misplaced(variable: DeclaredVariable) -> Iterator[Problem]:
+def _find_misplaced_starts(variable: DeclaredVariable) -> Iterator[Problem]:
     causalities = ("input", "parameter", "structuralParameter")
     is_required = variable.causality in causalities or variable.variability == "constant"
     if variable.causality == "independent":
@@ -270,7 +274,7 @@ def _find_misplaced(variable: DeclaredVariable) -> Iterator[Problem]:
 
 @check("variables.range", needs=("description.types",))
 def ranges(subject: Subject) -> CheckOutcome:
-    """Check that start values are finite, within min and max, and items of their enumerations."""
+    """Check that start values are finite, in range, and items of enumerations; nominals must be positive."""
     declared = subject.declared
     numeric = [v for v in declared.variables if v.type in NUMERIC]
     items = {t.name: {int(item["value"]) for item in t.items} for t in declared.types}
@@ -306,6 +310,7 @@ def _find_wrong_starts(variable: DeclaredVariable, items: Mapping[str, set[int]]
 def _judge_start(
     variable: DeclaredVariable, attributes: Mapping[str, str], items: Mapping[str, set[int]]
 ) -> Iterator[Problem]:
+    """Yield what is wrong with one start value, and with min, max and nominal."""
     names = ("start", "min", "max", "nominal")
     values = {name: float(attributes[name]) for name in names if name in attributes}
     if not math.isfinite(values.get("start", 0.0)):

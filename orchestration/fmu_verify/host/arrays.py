@@ -20,7 +20,7 @@ class ElementDependency(NamedTuple):
     element_of_independent: int
 
     def has(self, unknown: ModelVariable, known: ModelVariable) -> bool:
-        """Return whether it is one of an element on another one."""
+        """Return whether it is a dependency of `unknown` on `known`."""
         return (
             self.element in (0, position_in_array(unknown) + 1)
             and self.independent == int(known.valueReference)
@@ -39,15 +39,17 @@ def set_elements(fmu: Any, values: Sequence[tuple[ModelVariable, Any]], arrays: 
             variable, value = values[i]
             reference, position = int(variable.valueReference), position_in_array(variable)
             if reference not in arrays_by_reference:
-                arrays_by_reference[reference] = list(arrays.get(reference) or _start(variable, kind))
+                arrays_by_reference[reference] = list(
+                    arrays.get(reference) or _read_array_start(variable, kind)
+                )
             arrays_by_reference[reference][position] = value
         flat = [value for elements in arrays_by_reference.values() for value in elements]
         getattr(fmu, f"set{kind}")(list(arrays_by_reference), flat)
         arrays.update(arrays_by_reference)
 
 
-def _start(variable: ModelVariable, kind: str) -> list[Any]:
-    """Return the start values of the array of an element."""
+def _read_array_start(variable: ModelVariable, kind: str) -> list[Any]:
+    """Return the start values of the array of an element; [None] for a scalar, or if there are none."""
     if not isinstance(variable, ElementVariable) or not variable.array_start:
         return [None]
     to = float if kind.startswith("Float") else bool if kind == "Boolean" else int

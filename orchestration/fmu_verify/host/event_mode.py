@@ -95,7 +95,7 @@ class HostedEvents:
         except CosimError as error:
             raise NotRunError(f"Its events cannot be handled: {error}") from error
         subject = instance.subject
-        self._instance, self._has_mode, self._may_return = instance, has_mode, allows_early_return
+        self._instance, self._has_mode, self._may_return_early = instance, has_mode, allows_early_return
         self._input_clocks = subject.input_clocks if has_mode else []
         self._clocked = [v for v in subject.variables.values() if has_mode and is_clocked(v)]
         prototypes = {n: ctypes.CFUNCTYPE(c_int, ctypes.c_void_p, *_ARGUMENTS.get(n, ())) for n in FUNCTIONS}
@@ -124,7 +124,7 @@ class HostedEvents:
     def start_clocks(self, start: float) -> None:
         """Find the first ticks, and read clocked variables, in initialization mode; `start` is in s."""
         self._run_stepper(self._stepper.start_events, start)
-        self._keep(self._clocked)
+        self._read_clocked_values(self._clocked)
 
     def begin(self) -> None:
         """Handle the events of the initialization, and enter step mode."""
@@ -219,7 +219,7 @@ class HostedEvents:
         """Call a function of the FMU for the stepper; an exception waits until the stepper returns."""
         try:
             if name == UPDATE:
-                self._keep([v for v in self._clocked if belongs(v, self._ticking)])
+                self._read_clocked_values([v for v in self._clocked if belongs(v, self._ticking)])
                 self._ticking.clear()
             fmu = self._instance.fmu
             call = f"fmi3DoStep at t = {arguments[0]:.9g} s" if name == DO_STEP else None
@@ -243,7 +243,10 @@ class HostedEvents:
     def _judge_step(
         self, time: float, length: float, _: bool, event: Any, ends: Any, returns_early: Any, reached: Any
     ) -> None:
-        """Count what a step says. One without event mode continues after an event."""
+        """Count events and early returns. Raise CallError for an early return that is not allowed.
+
+        Without event mode, the event is cleared, so that the stepper continues.
+        """
         if ends[0]:
             return
         self.events += bool(event[0])
@@ -252,14 +255,15 @@ class HostedEvents:
             self.returns += 1
             if self.first_early_return is None:
                 self.first_early_return = reached[0]
-            if not self._may_return:
+            if not self._may_return_early:
                 message = (
                     f"fmi3DoStep from t = {time:.9g} s to {time + length:.9g} s returned early at "
                     f"t = {reached[0]:.9g} s, which was not allowed."
                 )
                 raise self._instance.violation(message, NO_EARLY_RETURN)
 
-    def _keep(self, variables: Sequence[ModelVariable]) -> None:
+    def _read_clocked_values(self, variables: Sequence[ModelVariable]) -> None:
+        """Read variables, whose values `get` returns until their next tick."""
         self._values.update(zip((v.name for v in variables), self._instance.read(variables), strict=True))
 
 

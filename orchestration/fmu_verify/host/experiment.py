@@ -105,6 +105,7 @@ def parse_number(value: Any, otherwise: float) -> float:
 
 
 NUMERIC = ("Real", "Integer", "Boolean", "Enumeration")
+"""Types whose values are read as numbers."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ class OutputTrajectory:
     values: Vector
 
     def same(self, other: "OutputTrajectory") -> bool:
-        """Return whether both are bitwise equal."""
+        """Return whether the values of both are bitwise equal."""
         # NaN is the same as NaN here, but 0 is not -0
         return self.values.tobytes() == other.values.tobytes()
 
@@ -163,7 +164,7 @@ class OutputTrajectory:
 
 
 def list_outputs(subject: Subject) -> list[str]:
-    """Names of all outputs that are numbers."""
+    """Return the names of all outputs that are numbers, Booleans or Enumerations."""
     variables = subject.description.modelVariables
     return [v.name for v in variables if v.causality == "output" and v.type in NUMERIC]
 
@@ -214,7 +215,7 @@ def run_alone(
     return trajectory
 
 
-def time_of_run(subject: Subject) -> float:
+def read_end_of_run(subject: Subject) -> float:
     """Return when `run_alone` of the default experiment ended, in s since 1970."""
     return _find_run_path(subject, make_experiment(subject), subject.kinds[0]).stat().st_mtime
 
@@ -244,7 +245,7 @@ def _run_completely(subject: Subject, course: Experiment, kind: str) -> OutputTr
     return run_instance(HostedInstance(subject, kind=kind), course)
 
 
-def walk(
+def step_through(
     instance: HostedInstance,
     times: Iterable[float],
     step: float,

@@ -45,7 +45,7 @@ class CallError(Exception):
         """Say what a call answered, and the last lines of the log; or a message on what is wrong."""
         self.call, self.status, self.clause = call, status, clause
         answer = STATUS[status] if self.has_status else f"{status}, which is not a valid status"
-        super().__init__(sentence or f"{call} answered {answer}{_quote(lines)}")
+        super().__init__(sentence or f"{call} answered {answer}{_quote_log(lines)}")
 
     @property
     def has_status(self) -> bool:
@@ -61,7 +61,7 @@ class EndlessIterationError(CallError):
     """Updates of discrete states that ask for another one, without end."""
 
 
-def _quote(lines: Iterable[LogLine]) -> str:
+def _quote_log(lines: Iterable[LogLine]) -> str:
     """Return the end of a message, with the last log messages."""
     text = " ".join(line.text for line in list(lines)[-2:])
     return f": {format_message(text)}" if text else "."
@@ -150,14 +150,14 @@ class HostedInstance(FmiInstance):
         return None if self._integration is None else self._integration.members[0]
 
     def instantiate(self, logging: bool = False) -> None:
-        """Instantiate again after `free`, with the loaded library."""
+        """Instantiate, at first or after `free`, with the loaded library. Raise CallError on failure."""
         self._forget()
         try:
             self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
         except CallError:
             raise
         except Exception as error:  # fmpy raises a bare one for NULL
-            sentence = f"fmi2Instantiate answered NULL{_quote(LOG.of(self.name))}"
+            sentence = f"fmi2Instantiate answered NULL{_quote_log(LOG.of(self.name))}"
             raise CallError("fmi2Instantiate", ERROR, sentence=sentence) from error
 
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
@@ -421,7 +421,7 @@ class HostedInstance(FmiInstance):
                 self.fmu.doStep(time, length, noSetFMUStatePriorToCurrentPoint=0)
             except FMICallException as error:
                 if error.status == PENDING and self.subject.has_capability("canRunAsynchronuously"):
-                    self._wait()
+                    self._wait_for_step()
                 elif error.status == DISCARD and self.asks_to_end():
                     self.terminated = True
                 else:
@@ -455,7 +455,7 @@ class HostedInstance(FmiInstance):
             kind = EndlessIterationError if isinstance(error, EndlessEventError) else CallError
             raise kind("the solver", ERROR, sentence=sentence) from error
 
-    def _wait(self) -> None:
+    def _wait_for_step(self) -> None:
         """Wait until a pending step is completed."""
         answer = c_int(PENDING)
         while answer.value == PENDING:
@@ -465,7 +465,7 @@ class HostedInstance(FmiInstance):
             raise FMICallException("fmi2DoStep", answer.value)
 
     def reset(self) -> None:
-        """Reset the instance to its initial state."""
+        """Reset the instance to its initial state, and forget the run."""
         super().reset()
         self._forget()
 

@@ -46,8 +46,8 @@ class HostedModel(ContinuousModel):
 
     def __init__(self, fmu: Any, subject: Subject) -> None:
         self.fmu, self._subject, self._functions = fmu, subject, dict[str, Any]()
-        self.untold: list[str] = []
-        """What events changed or announced without saying so, in sentences."""
+        self.event_faults: list[str] = []
+        """Changes at events that were not announced, and next events in the past, as messages."""
 
     @property
     def _description(self) -> ModelDescription:
@@ -88,10 +88,10 @@ class HostedModel(ContinuousModel):
         answer = self.fmu.newDiscreteStates()
         if not answer[3] and (changed := before != self._read_states()).any():
             message = f"{call} changed continuous state {int(np.argmax(changed)) + 1}"
-            self.untold.append(f"{message}, but valuesOfContinuousStatesChanged is false.")
+            self.event_faults.append(f"{message}, but valuesOfContinuousStatesChanged is false.")
         if answer[4] and answer[5] < self._time:
             at = f"t = {answer[5]:.9g} s"
-            self.untold.append(f"{call} announced the next event for {at}, which is in the past.")
+            self.event_faults.append(f"{call} announced the next event for {at}, which is in the past.")
         return answer
 
     def _read_states(self) -> Vector:

@@ -45,18 +45,18 @@ REAL = ("Real",)
 ALL_TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
 
-def at_initialization(subject: Subject, types: Sequence[str] = REAL) -> list[Dependency]:
+def list_initial_dependencies(subject: Subject, types: Sequence[str] = REAL) -> list[Dependency]:
     """Return the dependencies of outputs of some types in initialization mode."""
-    dependencies = _read(subject.description.initialUnknowns, types)
+    dependencies = _convert_unknowns(subject.description.initialUnknowns, types)
     return [d for d in dependencies if subject.variables[d.unknown].causality == "output"]
 
 
-def at_events(subject: Subject, types: Sequence[str] = REAL) -> list[Dependency]:
+def list_run_dependencies(subject: Subject, types: Sequence[str] = REAL) -> list[Dependency]:
     """Return the dependencies of outputs and state derivatives in event and continuous-time mode."""
-    return _read([*subject.description.outputs, *subject.description.derivatives], types)
+    return _convert_unknowns([*subject.description.outputs, *subject.description.derivatives], types)
 
 
-def _read(unknowns: Iterable[Unknown], types: Sequence[str]) -> list[Dependency]:
+def _convert_unknowns(unknowns: Iterable[Unknown], types: Sequence[str]) -> list[Dependency]:
     return [
         Dependency(
             u.variable.name, None if u.dependencies is None else frozenset(v.name for v in u.dependencies)
@@ -130,7 +130,7 @@ def _choose_spread(items: list[T], most: int) -> list[T]:
 def list_unexamined_pairs(subject: Subject) -> tuple[str, ...]:
     """Return a gap for *Not examined* if points have not all inputs and outputs."""
     knowns = [v.name for v in subject.of_causality("input")]
-    dependencies = at_initialization(subject)
+    dependencies = list_initial_dependencies(subject)
     compared, moved_inputs = choose(dependencies, knowns)
     return (
         *list_left_out(len(moved_inputs), len(knowns), "inputs were moved alone."),
@@ -138,11 +138,11 @@ def list_unexamined_pairs(subject: Subject) -> tuple[str, ...]:
     )
 
 
-def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
-    """Yield instances in initialization mode, with the inputs at several times of the experiment."""
+def yield_points_in_initialization(subject: Subject, count: int) -> Iterator[Point]:
+    """Yield points in initialization mode, with the inputs at several times of the experiment."""
     course = make_experiment(subject)
     knowns = [v.name for v in subject.of_causality("input")]
-    dependencies, moved_inputs = choose(at_initialization(subject), knowns)
+    dependencies, moved_inputs = choose(list_initial_dependencies(subject), knowns)
     # each point has an instance of its own
     indices = np.linspace(0, len(course.times) - 1, 1 if is_single_instance(subject) else count)
     for k in np.unique(indices.astype(int)):
@@ -154,10 +154,10 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
         instance.free()
 
 
-def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
-    """Yield a model in event mode at several times of the experiment."""
+def yield_points_in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
+    """Yield points of a model in event mode at several times of the experiment."""
     knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
-    dependencies, moved_inputs = choose(at_events(subject), knowns)
+    dependencies, moved_inputs = choose(list_run_dependencies(subject), knowns)
     for instance, inputs, time in run_model(subject, count):
         values = {n: inputs[n] for n in moved_inputs}
         yield Point(instance, dependencies, moved_inputs, values, f"of the model at t = {time:.9g} s")

@@ -37,7 +37,7 @@ def can_list_resources() -> bool:
 
 
 def count_resources() -> dict[str, int]:
-    """Return the numbers of open files, threads and child processes."""
+    """Return the numbers of open files, threads, child processes and temporary files."""
     return {
         "open files": sum(1 for _ in (_PROC / "fd").iterdir()),
         "threads": sum(1 for _ in (_PROC / "task").iterdir()),
@@ -53,7 +53,7 @@ def adopt_orphans() -> None:
 
 
 def end_children() -> None:
-    """End all processes that this one and an FMU started, and wait for their end."""
+    """End all processes that this one and an FMU started, and wait for their end, at most for 1 s."""
     until = time.monotonic() + _LONGEST_WAIT
     # one that is killed leaves its own children to this process
     while (children := psutil.Process().children(recursive=True)) and time.monotonic() < until:
@@ -64,7 +64,7 @@ def end_children() -> None:
 
 
 def wait_until_settled(has_settled: Callable[[], bool]) -> None:
-    """Wait until a condition holds, for a short time."""
+    """Wait until a condition holds, at most for 1 s."""
     until = time.monotonic() + _LONGEST_WAIT
     while not has_settled() and time.monotonic() < until:
         time.sleep(0.01)
@@ -189,13 +189,13 @@ def fill_memory() -> Iterator[None]:
     with contextlib.suppress(AttributeError):  # not all systems have these
         library.malloc.restype = ctypes.c_void_p
         _allocate_blocks(library, _BLOCKS)  # never freed: the process ends soon
-        _leave_behind(library)
+        _fill_freed_blocks(library)
         library.mallopt(_M_PERTURB, BYTE ^ 0xFF)  # glibc inverts what it fills with
     yield
     del shifting_block
 
 
-def _leave_behind(library: Any) -> None:
+def _fill_freed_blocks(library: Any) -> None:
     """Allocate, fill and free blocks of many sizes: the C library reuses small ones unchanged."""
     blocks = _allocate_blocks(library, _OF_EACH_SIZE)
     _allocate_blocks(library, 1)  # never freed, so that no memory goes back to the system

@@ -105,7 +105,7 @@ def is_xml(file: RelatedFile) -> bool:
     return plain == SRMD or plain.endswith(("/xml", "+xml")) or file.source.lower().endswith(_ENDINGS)
 
 
-def find_fault(file: RelatedFile, unpacked: Path) -> str:
+def find_xml_fault(file: RelatedFile, unpacked: Path) -> str:
     """Return what is wrong with an XML document in the FMU, as a message; empty if nothing is.
 
     Raises:
@@ -120,6 +120,7 @@ def find_fault(file: RelatedFile, unpacked: Path) -> str:
 
 
 def _find_srmd_fault(root: Any, path: Path, unpacked: Path) -> str:
+    """Return what is wrong with meta-data or its checksum, as a message; empty if nothing is."""
     tag = etree.QName(root).localname
     if tag != _ROOT:
         return f"It has the root element {tag}, not {_ROOT}."
@@ -159,7 +160,7 @@ _DATA = {"Parameters": SSV, "Stimuli": _CSV, "References": _CSV}
 
 
 @dataclass(frozen=True)
-class Data:
+class ExperimentData:
     """A file that an experiment names: MIME type, URI, and the path, None if the FMU has no such file."""
 
     type: str
@@ -183,7 +184,7 @@ class ExperimentSetup:
     file: str
     analysis: str
     numbers: Mapping[str, float]
-    data: Mapping[str, Data]
+    data: Mapping[str, ExperimentData]
 
     @property
     def label(self) -> str:
@@ -220,14 +221,14 @@ def _read_experiment(element: Any, file: Path, unpacked: Path) -> ExperimentSetu
     if name is None:
         raise CommandError(f"'{file.name}' has an Experiment without a name in line {element.sourceline}.")
     label = f"the experiment '{name}' of '{file.name}'"
-    analysis, numbers, data = TRANSIENT, dict[str, float](), dict[str, Data]()
+    analysis, numbers, data = TRANSIENT, dict[str, float](), dict[str, ExperimentData]()
     for inside in element.iterchildren(tag=etree.Element):
         if inside.tag in _DATA:
             source = inside.get("source")
             if source is None:
-                raise CommandError(f"{label} has {inside.tag} without a source.")
+                raise CommandError(f"{label} has the element {inside.tag} without the attribute 'source'.")
             path = resolve_source(file, source, unpacked)
-            data[inside.tag] = Data(inside.get("type", _DATA[inside.tag]), source, path)
+            data[inside.tag] = ExperimentData(inside.get("type", _DATA[inside.tag]), source, path)
         elif inside.tag == TRANSIENT or inside.tag in _ANALYSES:
             analysis = inside.tag
         elif inside.tag != "Annotations":
@@ -315,6 +316,7 @@ def read_parameter_values(subject: Subject, file: Path) -> tuple[dict[str, Any],
 
 
 def _find_data(setup: ExperimentSetup, element: str) -> Path | None:
+    """Return the file of an element such as Stimuli, or None. Raise an error if it cannot be read here."""
     data = setup.data.get(element)
     if data is None:
         return None
@@ -330,6 +332,7 @@ def _find_data(setup: ExperimentSetup, element: str) -> Path | None:
 def _read_data(
     subject: Subject, setup: ExperimentSetup, element: str, start: float
 ) -> tuple[dict[str, Vector], list[str]]:
+    """Return the columns of Stimuli or References and notes on them; none of both without the element."""
     if (path := _find_data(setup, element)) is None:
         return {}, []
     description = {"Stimuli": "the inputs", "References": "the reference"}[element]

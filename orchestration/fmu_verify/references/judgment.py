@@ -63,16 +63,16 @@ def judge_run(
         return failed(f"{describe_departure(departures[0])}.", details=more, comparisons=comparisons)
     if not comparisons:
         return failed("The reference has only the column time.")
-    closest = max(comparisons, key=_share)
+    closest = max(comparisons, key=_compute_tolerance_share)
     return passed(
         f"{len(comparisons)} signals stay within their tubes; {closest.signal} comes closest to its limit, "
-        f"with {_share(closest):.0%} of the tolerance.",
+        f"with {_compute_tolerance_share(closest):.0%} of the tolerance.",
         details=tuple(reference.notes),
         comparisons=comparisons,
     )
 
 
-def _share(comparison: Comparison) -> float:
+def _compute_tolerance_share(comparison: Comparison) -> float:
     """Return the largest difference as a fraction of the tolerance."""
     return comparison.worst / comparison.tube.value if comparison.tube.value else 0.0
 
@@ -80,7 +80,7 @@ def _share(comparison: Comparison) -> float:
 _ORDER = (Verdict.FAILED, Verdict.WARNING, Verdict.PASSED, Verdict.SKIPPED)
 
 
-def combine(outcomes: Mapping[str, CheckOutcome], missing: str) -> CheckOutcome:
+def combine_outcomes(outcomes: Mapping[str, CheckOutcome], missing: str) -> CheckOutcome:
     """Return the worst of several outcomes, with a line for each of the others.
 
     Args:
@@ -141,7 +141,7 @@ def sample_inputs(subject: Subject, columns: Mapping[str, Vector], times: Vector
             continue
         if variable is None or variable.causality != "input":
             raise CommandError(f"the inputs have the column '{name}', but the FMU has no such input.")
-        inputs[name] = _sample(variable, columns["time"], values, times)
+        inputs[name] = _sample_input(variable, columns["time"], values, times)
     return inputs
 
 
@@ -186,7 +186,7 @@ def read_start_values(subject: Subject, values: Mapping[str, Any]) -> dict[str, 
     return {str(variable.name): value for variable, value in typed}
 
 
-def _sample(variable: ModelVariable, rows: Vector, values: Vector, times: Vector) -> Vector:
+def _sample_input(variable: ModelVariable, rows: Vector, values: Vector, times: Vector) -> Vector:
     ahead = _TIME_TOLERANCE * float(times[1] - times[0])
     # of rows at the same time, which are an event, the last one counts
     last = np.maximum(np.searchsorted(rows, times + ahead, side="right") - 1, 0)

@@ -63,11 +63,12 @@ def excite_inputs(subject: Subject, shape: str, times: Vector) -> dict[str, Vect
     columns = {"time": times}
     inputs = [v for v in subject.description.modelVariables if v.causality == "input" and v.type != "String"]
     for index, variable in enumerate(inputs):
-        columns[variable.name] = _excite(variable, SHAPES[shape](phase, index))
+        columns[variable.name] = _excite_input(variable, SHAPES[shape](phase, index))
     return columns
 
 
-def _excite(variable: ModelVariable, wave: Vector) -> Vector:
+def _excite_input(variable: ModelVariable, wave: Vector) -> Vector:
+    """Return values of an input along a wave from -1 to 1, within its range."""
     if variable.type == "Boolean":
         return (wave > 0.5).astype(float)
     low, high = read_limits(variable)
@@ -92,7 +93,7 @@ _ROWS = 1000
 
 
 def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
-    """Raise CommandError if files exist and must not be overwritten, or cannot be written.
+    """Create the folder. Raise CommandError if files must not be overwritten, or two FMUs have one name.
 
     Check also that the FMUs have the start values and inputs, if their model descriptions are readable.
     """
@@ -125,6 +126,8 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
 def record_reference(subject: Subject, recording: Recording) -> list[Path]:
     """Run the FMU, write its reference files, and return their paths.
 
+    Without inputs, a file of inputs from an earlier recording is removed.
+
     Raises:
         CallError: A call failed.
         CommandError: The inputs do not match the FMU.
@@ -147,7 +150,7 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
     texts = {
         "ref.csv": _format_csv(subject, rows),
         "ref.opt": "".join(f"{name}, {value!r}\n" for name, value in options),
-        "ref.toml": _describe_recording(subject, recording),
+        "ref.toml": _format_record(subject, recording),
     }
     if len(inputs) > 1:
         texts["in.csv"] = _format_csv(subject, inputs)
@@ -198,17 +201,18 @@ def _format_csv(subject: Subject, columns: dict[str, Vector]) -> str:
     return text.getvalue()
 
 
-def _describe_recording(subject: Subject, recording: Recording) -> str:
+def _format_record(subject: Subject, recording: Recording) -> str:
+    """Return the text of the TOML file: what made the reference, and its start values."""
     driven = f"inputs of {recording.inputs.name}" if recording.inputs else f"{recording.shape} as inputs"
     description = subject.description
     made_by = (
         f"emla verify --record, {version('emla-cosim')}: {subject.path.name} (GUID {description.guid}, "
         f"{description.generationTool or 'unnamed tool'}) with {driven}"
     )
-    values = "".join(f"{_write_toml(n)} = {_write_toml(v)}\n" for n, v in recording.values.items())
-    return f"made_by = {_write_toml(made_by)}\n" + (f"\n[set]\n{values}" if values else "")
+    values = "".join(f"{_format_toml(n)} = {_format_toml(v)}\n" for n, v in recording.values.items())
+    return f"made_by = {_format_toml(made_by)}\n" + (f"\n[set]\n{values}" if values else "")
 
 
-def _write_toml(value: Any) -> str:
+def _format_toml(value: Any) -> str:
     text = json.dumps(value, ensure_ascii=False)  # TOML has the numbers and escapes of JSON
     return "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in text)

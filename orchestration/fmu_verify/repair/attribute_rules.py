@@ -74,7 +74,7 @@ def _mend_case(root: Any, version: int) -> Iterator[Change]:
     for element in root.iter(etree.Element):
         for name, text in element.attrib.items():
             words = _WORDS.get(name)
-            if words is None and _is_boolean(element, name):
+            if words is None and _is_boolean_attribute(element, name):
                 words = ("true", "false")
             right = {word.casefold(): word for word in words or ()}
             after = " ".join(right.get(word.casefold(), word) for word in text.split())
@@ -83,13 +83,14 @@ def _mend_case(root: Any, version: int) -> Iterator[Change]:
                 yield Change("description.schema", f"{name} of {_locate(element)}", text, after)
 
 
-def _is_boolean(element: Any, name: str) -> bool:
+def _is_boolean_attribute(element: Any, name: str) -> bool:
     if name == "start":
         return element.tag == "Boolean"
     return bool(_BOOLEANS.fullmatch(name)) and not name.endswith(("Factor", "Order"))
 
 
 def _mend_date(root: Any, version: int) -> Iterator[Change]:
+    """Write the date of generation as the schema requires, if it has one of the known forms."""
     text = root.get(_DATE)
     if text is None or _VALID_DATE.fullmatch(text.strip()):
         return
@@ -157,34 +158,36 @@ def _mend_units(root: Any, version: int) -> Iterator[Change]:
         name = user.get("unit")
         if name in units or (unit := find_unit(name)) is None or unit.exponents is None or unit.multiple_of:
             continue
-        units[name] = element = etree.SubElement(_find_units(root), "Unit", name=name)
-        base = etree.SubElement(element, "BaseUnit", _describe_base(unit))
+        units[name] = element = etree.SubElement(_find_or_make_units(root), "Unit", name=name)
+        base = etree.SubElement(element, "BaseUnit", _make_base_attributes(unit))
         display_units = {user.get("displayUnit") for user in users if user.get("unit") == name}
         for display in sorted(filter(None, display_units)):
             if (display_unit := find_unit(display)) is not None and display_unit.exponents == unit.exponents:
-                conversion = _describe_display(unit, display_unit)
+                conversion = _make_display_attributes(unit, display_unit)
                 etree.SubElement(element, "DisplayUnit", name=display, **conversion)
         yield Change("units.defined", f"Unit '{name}'", "", describe_element(base))
 
 
-def _describe_base(unit: SiUnit) -> dict[str, str]:
+def _make_base_attributes(unit: SiUnit) -> dict[str, str]:
     powers = {base: str(unit.powers[base]) for base in BASE_UNITS if base in unit.powers}
     offset = 0.0 if unit.is_difference else unit.offset
-    return powers | _write_conversion(unit.factor, offset)
+    return powers | _make_conversion_attributes(unit.factor, offset)
 
 
-def _describe_display(unit: SiUnit, display: SiUnit) -> dict[str, str]:
+def _make_display_attributes(unit: SiUnit, display: SiUnit) -> dict[str, str]:
     """Return factor and offset from a unit to its display unit: display = factor * unit + offset."""
-    return _write_conversion(unit.factor / display.factor, (unit.offset - display.offset) / display.factor)
+    return _make_conversion_attributes(
+        unit.factor / display.factor, (unit.offset - display.offset) / display.factor
+    )
 
 
-def _write_conversion(factor: float, offset: float) -> dict[str, str]:
+def _make_conversion_attributes(factor: float, offset: float) -> dict[str, str]:
     numbers: Mapping[str, tuple[float, float]] = {"factor": (factor, 1.0), "offset": (offset, 0.0)}
     return {name: format(x, _NUMBER) for name, (x, default) in numbers.items() if x != default}
 
 
-def _find_units(root: Any) -> Any:
-    """Return the list of units, which is made if there is none."""
+def _find_or_make_units(root: Any) -> Any:
+    """Return the list of units, which is added if there is none."""
     units = root.find("UnitDefinitions")
     if units is None:
         units = etree.Element("UnitDefinitions")
@@ -284,6 +287,7 @@ def _decode(content: bytes, changes: list[Change]) -> str | None:
 
 
 def _list_encodings(content: bytes, declared: str) -> Iterator[str]:
+    """Yield the encodings in which a document may be."""
     yield declared
     if declared in _NAMES_OF_UTF_8 and _OF_UTF_8.search(content) is None:
         yield "windows-1252"  # nothing in it is UTF-8

@@ -47,7 +47,7 @@ def describe_element(element: Any) -> str:
 
 def write_record(root: Any, version: int, changes: Sequence[Change], tool_version: str) -> None:
     """Add a list of changes to the annotations of a model description of FMI 2.0 or 3.0."""
-    holder = _find_holder(root, version)
+    holder = _find_or_make_holder(root, version)
     repairs = holder.find("Repairs")
     if repairs is None:
         repairs = etree.SubElement(holder, "Repairs")
@@ -61,7 +61,7 @@ def write_record(root: Any, version: int, changes: Sequence[Change], tool_versio
         etree.SubElement(repair, "Change", values)
 
 
-def _find_holder(root: Any, version: int) -> Any:
+def _find_or_make_holder(root: Any, version: int) -> Any:
     """Return the element for our own annotations, which is made if there is none."""
     if version == 3:
         group = root.find("Annotations")

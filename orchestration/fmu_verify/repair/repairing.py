@@ -80,7 +80,7 @@ class Repair:
 
 
 def repair(path: Path) -> Repair:
-    """Mend what is wrong in the text of an FMU and has one remedy.
+    """Mend what is wrong in the text of an FMU and has one remedy. `Repair.save` writes the result.
 
     Args:
         path: The FMU, which is only read.
@@ -134,7 +134,7 @@ def _mend_texts(archive: zipfile.ZipFile, folder: Path) -> tuple[dict[str, bytes
     changes += mend_attributes(root, version)
     changes += mend_identifier(root, names)
     changes += mend_guid(root, version, {name: archive.read(name) for name in find_libraries(names)})
-    changes += _mend_lists(root, version, folder)
+    changes += _mend_model_structure(root, version, folder)
     for name, check in ((TERMINALS, "description.terminals"), (BUILD_DESCRIPTION, "sources.description")):
         if version == 3 and name in names:
             changes += _mend_other(texts, name, archive.read(name), check)
@@ -145,8 +145,8 @@ def _mend_texts(archive: zipfile.ZipFile, folder: Path) -> tuple[dict[str, bytes
     return texts, changes, version
 
 
-def _mend_lists(root: Any, version: int, folder: Path) -> list[Change]:
-    """Mend ModelStructure, which needs a model description that is valid so far."""
+def _mend_model_structure(root: Any, version: int, folder: Path) -> list[Change]:
+    """Mend ModelStructure, unless the model description is still invalid; return the changes."""
     if find_schema_problems(parse_xml(_serialize(root)), f"fmi{version}ModelDescription.xsd"):
         return []
     path = folder / "mended.fmu"

@@ -5,7 +5,7 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
-from ..checks.structure import LINEAR_KINDS, list_ignored, list_initially_unknown
+from ..checks.structure import LINEAR_KINDS, list_ignored_states, list_initially_unknown
 from ..declarations import LISTS_3, REAL, Declarations
 from ..subject import Subject
 from .record import Change, describe_element
@@ -26,7 +26,9 @@ def mend_structure(subject: Subject) -> Iterator[Change]:
     mender = _Mender(structure, declared)
     outputs = {v.index for v in declared.variables if v.causality == "output"}
     yield from mender.add_missing("Outputs", outputs, "structure.outputs")
-    doubtful = {v.index for v in declared.variables if not v.possible or v.is_clocked} | list_ignored(subject)
+    doubtful = {
+        v.index for v in declared.variables if not v.is_possible or v.is_clocked
+    } | list_ignored_states(subject)
     required = list_initially_unknown(declared) - doubtful
     yield from mender.drop_surplus("InitialUnknowns", required | doubtful)
     yield from mender.add_missing("InitialUnknowns", required, "structure.initial_unknowns")
@@ -47,7 +49,7 @@ class _Mender:
             (v.reference if self._is_3 else v.index): v.index for v in reversed(declared.variables)
         }
 
-    def _list(self, name: str) -> list[Any]:
+    def _find_elements(self, name: str) -> list[Any]:
         """Return the elements of a list, by its name in FMI 2.0."""
         path = self._label(name) if self._is_3 else f"{name}/Unknown"
         return self._structure.findall(path)
@@ -64,7 +66,7 @@ class _Mender:
 
     def add_missing(self, name: str, required: set[int], check: str) -> Iterator[Change]:
         """Add variables that a list lacks."""
-        for index in sorted(required - {self._find_index(e) for e in self._list(name)}):
+        for index in sorted(required - {self._find_index(e) for e in self._find_elements(name)}):
             variable = self._declared.variables[index - 1]
             tag, reference = (LISTS_3[name], variable.reference) if self._is_3 else ("Unknown", index)
             element = etree.Element(tag, {self._attribute: str(reference)})
@@ -72,7 +74,7 @@ class _Mender:
             yield Change(check, f"{self._label(name)}, {variable}", "", describe_element(element))
 
     def _insert(self, name: str, element: Any) -> None:
-        """Add an element to the end of a list, which is made if there is none."""
+        """Add an element to a list, at its end, or by its index in InitialUnknowns of FMI 2.0."""
         if not self._is_3:
             parent = self._structure.find(name)
             if parent is None:
@@ -93,7 +95,7 @@ class _Mender:
     def drop_surplus(self, name: str, allowed: set[int]) -> Iterator[Change]:
         """Remove variables that do not belong to a list, and exact repetitions."""
         check, earlier = "structure.initial_unknowns", set[str]()
-        for element in self._list(name):
+        for element in self._find_elements(name):
             text = describe_element(element)
             if self._find_index(element) in allowed and text not in earlier:
                 earlier.add(text)
@@ -106,7 +108,7 @@ class _Mender:
 
     def sort_initial_unknowns(self) -> Iterator[Change]:
         """Sort InitialUnknowns of FMI 2.0 by index."""
-        elements = self._list("InitialUnknowns")
+        elements = self._find_elements("InitialUnknowns")
         current = [self._find_index(e) for e in elements]
         if current == sorted(current):
             return
@@ -133,9 +135,11 @@ class _Mender:
             valid_pairs = sorted(dict.fromkeys(valid_pairs), key=lambda pair: int(pair[0]))
         valid_pairs = [(word, self._choose_kind(element, kind)) for word, kind in valid_pairs]
         has_any = bool(valid_pairs) or not pairs
-        _set(element, "dependencies", [word for word, _ in valid_pairs] if has_any else None, words)
+        _set_words(element, "dependencies", [word for word, _ in valid_pairs] if has_any else None, words)
         has_kinds = kinds is not None and has_any
-        _set(element, "dependenciesKind", [kind for _, kind in valid_pairs] if has_kinds else None, kinds)
+        _set_words(
+            element, "dependenciesKind", [kind for _, kind in valid_pairs] if has_kinds else None, kinds
+        )
         if (after := describe_element(element)) != before:
             where = f"dependencies of {self._find_name(element)}"
             yield Change("structure.dependencies", where, before, after)
@@ -148,7 +152,7 @@ class _Mender:
         return "dependent" if kind in LINEAR_KINDS and (not is_real or is_later) else kind
 
 
-def _set(element: Any, name: str, words: list[str] | None, before: list[str] | None) -> None:
+def _set_words(element: Any, name: str, words: list[str] | None, before: list[str] | None) -> None:
     """Set an attribute with a list of words if they differ; remove it if there are none left."""
     if words is None:
         element.attrib.pop(name, None)

@@ -176,7 +176,7 @@ _TYPES = {2: ("Real", "Integer", "Boolean", "String"), 3: (*NUMBER_TYPES, "Boole
 _PART_OF_STEP = 0.01
 
 
-def write_plan(subject: Subject, kind: str) -> str:
+def format_plan(subject: Subject, kind: str) -> str:
     """Return the text of plan.h for a kind of an FMU."""
     start, step, _ = read_span(subject)
     description = subject.description
@@ -194,8 +194,8 @@ def write_plan(subject: Subject, kind: str) -> str:
         "PREFIX": _quote(f"{subject.find_kind_element(kind).modelIdentifier}_"),
         "GUID": _quote(str(description.guid)),
         "RESOURCES": _quote((subject.folder / "resources").as_uri()),
-        "START_TIME": _write_real(start),
-        "STEP": _write_real(step * _PART_OF_STEP if model else step),
+        "START_TIME": _format_real(start),
+        "STEP": _format_real(step * _PART_OF_STEP if model else step),
         "STEPS": min(_STEPS, subject.most_steps),
         "INSTANCES": 1 if is_single_instance(subject) else 2,
         "STATES": len(description.derivatives) if model else 0,
@@ -208,27 +208,27 @@ def write_plan(subject: Subject, kind: str) -> str:
     }
     lines = [f'#include "fmi{version}FunctionTypes.h"']
     lines += [f"#define {name} {value}" for name, value in defined.items()]
-    lines += _write_references(version, "UNKNOWN", outputs)
-    lines += _write_references(version, "KNOWN", continuous)
+    lines += _format_references(version, "UNKNOWN", outputs)
+    lines += _format_references(version, "KNOWN", continuous)
     lines += [
-        _write_array(f"fmi{version}ValueReference", "CLOCK", [clock.reference for clock in clocks]),
-        _write_array("double", "CLOCK_INTERVAL", [_write_real(clock.interval or 0.0) for clock in clocks]),
-        _write_array("double", "CLOCK_SHIFT", [_write_real(clock.shift) for clock in clocks]),
+        _format_array(f"fmi{version}ValueReference", "CLOCK", [clock.reference for clock in clocks]),
+        _format_array("double", "CLOCK_INTERVAL", [_format_real(clock.interval or 0.0) for clock in clocks]),
+        _format_array("double", "CLOCK_SHIFT", [_format_real(clock.shift) for clock in clocks]),
     ]
     variables = description.modelVariables
     settable = _list_settable_variables(subject)
-    lines += _group(version, "START", [v for v in settable if v.causality != "input"])
+    lines += _format_group(version, "START", [v for v in settable if v.causality != "input"])
     inputs = [v for v in list_settable(subject, "input") if read_start(v) is not None]
     if model:  # the others cannot be set in continuous-time mode
         inputs = [v for v in inputs if v.type == "Real" and v.variability in (None, "continuous")]
-    lines += _group(version, "INPUT", [v for v in inputs if not v.clocks])
-    lines += _group(version, "TICK", [v for v in inputs if v.clocks])
-    lines += _group(version, "ALL", [v for v in variables if not v.clocks], values=False)
-    lines += _group(version, "TICKED", [v for v in variables if v.clocks], values=False)
+    lines += _format_group(version, "INPUT", [v for v in inputs if not v.clocks])
+    lines += _format_group(version, "TICK", [v for v in inputs if v.clocks])
+    lines += _format_group(version, "ALL", [v for v in variables if not v.clocks], values=False)
+    lines += _format_group(version, "TICKED", [v for v in variables if v.clocks], values=False)
     return "\n".join([*lines, ""])
 
 
-def list_still_clocks(subject: Subject, kind: str) -> list[str]:
+def list_clocks_without_ticks(subject: Subject, kind: str) -> list[str]:
     """Return the names of the Clocks that do not tick when the host in C runs a kind of the FMU."""
     moving = [] if kind == "ModelExchange" else _list_periodic_clocks(subject)
     return [clock.name for clock in subject.input_clocks if clock not in moving]
@@ -249,25 +249,27 @@ def _list_settable_variables(subject: Subject) -> list[ModelVariable]:
     return list(variables_by_reference.values())
 
 
-def _group(version: int, name: str, variables: Iterable[ModelVariable], values: bool = True) -> list[str]:
+def _format_group(
+    version: int, name: str, variables: Iterable[ModelVariable], values: bool = True
+) -> list[str]:
     """Return the arrays of a group of variables, for each type."""
     lines = []
     for kind in _TYPES[version]:
         members, prefix = [v for v in variables if kind_of(v) == kind], f"{name}_{kind.upper()}"
-        lines += _write_references(version, prefix, members)
+        lines += _format_references(version, prefix, members)
         if values:
-            literals = [_write_literal(x) for v in _drop_aliases(members) for x in _list_start_values(v)]
-            lines.append(_write_array(f"fmi{version}{kind}", f"{prefix}_VALUES", literals))
+            literals = [_format_literal(x) for v in _drop_aliases(members) for x in _list_start_values(v)]
+            lines.append(_format_array(f"fmi{version}{kind}", f"{prefix}_VALUES", literals))
     return lines
 
 
-def _write_references(version: int, name: str, variables: Iterable[ModelVariable]) -> list[str]:
+def _format_references(version: int, name: str, variables: Iterable[ModelVariable]) -> list[str]:
     """Return the value references of variables, the number of these, and that of values."""
     unique = _drop_aliases(variables)
     return [
         f"#define {name}_REFERENCES {len(unique)}",
         f"#define {name}_COUNT {sum(getattr(v, 'size', 1) for v in unique)}",
-        _write_array(f"fmi{version}ValueReference", name, [v.valueReference for v in unique]),
+        _format_array(f"fmi{version}ValueReference", name, [v.valueReference for v in unique]),
     ]
 
 
@@ -286,20 +288,20 @@ def _list_start_values(variable: ModelVariable) -> Sequence[Any]:
     return [read_start(variable)]
 
 
-def _write_array(ctype: str, name: str, values: Sequence[Any]) -> str:
+def _format_array(ctype: str, name: str, values: Sequence[Any]) -> str:
     return f"static const {ctype} {name}[] = {{{', '.join(map(str, values)) or '0'}}};"
 
 
-def _write_literal(value: Any) -> str:
+def _format_literal(value: Any) -> str:
     """Return a value of any type in C."""
     if isinstance(value, bool):
         return str(int(value))
     if isinstance(value, float):
-        return _write_real(value)
+        return _format_real(value)
     return _quote(value) if isinstance(value, str) else str(value)
 
 
-def _write_real(value: float) -> str:
+def _format_real(value: float) -> str:
     return value.hex() if math.isfinite(value) else "0.0"
 
 

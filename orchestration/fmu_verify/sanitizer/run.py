@@ -23,9 +23,9 @@ from .compiling import (
     compile_host,
     compile_library,
     find_sources,
+    format_plan,
+    list_clocks_without_ticks,
     list_compilers,
-    list_still_clocks,
-    write_plan,
 )
 
 _ERROR = re.compile(r"ERROR: AddressSanitizer:? (?P<kind>[\w-]+)(?P<rest>[^\n]*)")
@@ -85,7 +85,7 @@ class Leak:
 
 
 def read_memory_error(text: str, sources: Path, call: str = "") -> MemoryFault | None:
-    """Return the first error of AddressSanitizer in a report; `call` was the last FMI function."""
+    """Return the first error of AddressSanitizer in a report, or None; `call` was the last FMI function."""
     match = _ERROR.search(text)
     if match is None:
         return None
@@ -97,14 +97,14 @@ def read_memory_error(text: str, sources: Path, call: str = "") -> MemoryFault |
     meaning = _MEANINGS.get(kind, f"It causes the error {kind} of AddressSanitizer")
     if not meaning.startswith("It "):
         access = _ACCESS.search(stacks[0])
-        size = f" {count_bytes(int(access['size']))}" if access else ""
+        size = f" {format_bytes(int(access['size']))}" if access else ""
         is_write = "WRITE of size" in stacks[0] or "caused by a WRITE" in stacks[0]
         preposition = " at" if kind == "SEGV" else " of" if "use-after" in kind else ""
         meaning = f"It {'writes' if is_write else 'reads'}{size}{preposition} {meaning}"
     return MemoryFault(kind, f"{meaning}{_locate(frames) or (f' in {call}' if call else '')}.")
 
 
-def count_bytes(size: int) -> str:
+def format_bytes(size: int) -> str:
     """Return `1 byte` or `8 bytes`."""
     return f"{size} byte" if size == 1 else f"{size} bytes"
 
@@ -204,6 +204,7 @@ def run_sanitized(subject: Subject) -> SanitizedRun:
 
 
 def _build_and_run(subject: Subject) -> SanitizedRun:
+    """Build and run an FMU, or return why that is not possible."""
     kinds = [kind for kind in subject.kinds if kind != "ScheduledExecution"]
     if not kinds:
         return SanitizedRun("It is for Scheduled Execution only, which is not run.")
@@ -222,7 +223,7 @@ def _build_and_run(subject: Subject) -> SanitizedRun:
 def _build_and_run_all(subject: Subject, sets: Mapping[str, SourceSet], scratch: Path) -> SanitizedRun:
     """Build and run all kinds of an FMU with the first compiler that has sanitizers."""
     limit, problem = _COMPILE * subject.settings.seconds, NO_COMPILER
-    plans = {kind: write_plan(subject, kind) for kind in sets}
+    plans = {kind: format_plan(subject, kind) for kind in sets}
     for compiler in list_compilers():
         try:
             hosts = {k: compile_host(compiler, scratch / k, plan, limit) for k, plan in plans.items()}
@@ -234,11 +235,11 @@ def _build_and_run_all(subject: Subject, sets: Mapping[str, SourceSet], scratch:
             libraries = {s: compile_library(compiler, subject, s, limit) for s in {*sets.values()}}
         except CompilerError as error:
             return SanitizedRun(f"Its sources do not compile with sanitizers: {error}.")
-        return _join([_run(subject, k, compiler, hosts[k], libraries[s]) for k, s in sets.items()])
+        return _join_runs([_run_host(subject, k, compiler, hosts[k], libraries[s]) for k, s in sets.items()])
     return SanitizedRun(problem)
 
 
-def _join(runs: list[SanitizedRun]) -> SanitizedRun:
+def _join_runs(runs: list[SanitizedRun]) -> SanitizedRun:
     """Return what was found for all kinds."""
     if first := next((run for run in runs if run.missing), None):
         return first
@@ -253,7 +254,8 @@ def _join(runs: list[SanitizedRun]) -> SanitizedRun:
     )
 
 
-def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: Path) -> SanitizedRun:
+def _run_host(subject: Subject, kind: str, compiler: Compiler, host: Path, library: Path) -> SanitizedRun:
+    """Run a kind of the FMU in its host, and read what the sanitizers report."""
     folder, sources = host.parent, subject.folder / "sources"
     trace, limit, ended = folder / "calls.txt", _RUN * subject.settings.seconds, ""
     with (folder / "errors.txt").open("wb") as errors:
@@ -271,21 +273,25 @@ def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: P
             code, ended = 0, f"It did not end within {limit:g} s."
         except OSError as error:
             return SanitizedRun(f"The host does not start: {error.strerror}.")
-    calls = trace.read_text(errors="replace").splitlines() if trace.is_file() else []
+    log_lines = trace.read_text(errors="replace").splitlines() if trace.is_file() else []
     # AddressSanitizer writes to files with this name; UBSan writes to standard error
-    text = "\n".join(_read(path) for path in [*sorted(folder.glob("report*")), folder / "errors.txt"])
-    memory_fault = read_memory_error(text, sources, _find_last_call(calls)) if compiler.has_address else None
+    text = "\n".join(
+        _read_beginning(path) for path in [*sorted(folder.glob("report*")), folder / "errors.txt"]
+    )
+    memory_fault = (
+        read_memory_error(text, sources, _find_last_call(log_lines)) if compiler.has_address else None
+    )
     undefined = read_undefined(text, sources)
-    complete = calls[-1:] == ["end"]
-    gaps = [f"{kind}: {reason}" for reason in _list_refused_calls(calls)]
+    complete = log_lines[-1:] == ["end"]
+    gaps = [f"{kind}: {reason}" for reason in _list_failed_calls(log_lines)]
     if not complete and memory_fault is None and (compiler.has_address or not undefined):
-        gaps.append(f"{kind}: {ended or _describe_end(calls, code)}")
-    if still := list_still_clocks(subject, kind):
+        gaps.append(f"{kind}: {ended or _describe_end(log_lines, code)}")
+    if still := list_clocks_without_ticks(subject, kind):
         gaps.append(f"{kind}: {join_few_names(still)} did not tick.")
     leaks = read_leaks(text, sources) if complete else []
     return SanitizedRun(
         has_address=compiler.has_address,
-        ran=any(call[:4] in _PREFIXES and call[4:] in ("DoStep", "SetTime") for call in calls),
+        ran=any(call[:4] in _PREFIXES and call[4:] in ("DoStep", "SetTime") for call in log_lines),
         judges_leaks=compiler.has_address and complete and NO_LEAKS not in text,
         memory_faults=(memory_fault,) if memory_fault is not None else (),
         leaks=tuple(leaks),
@@ -294,10 +300,10 @@ def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: P
     )
 
 
-def _list_refused_calls(calls: list[str]) -> list[str]:
-    """Return the calls that failed, with the message before: `fmi2DoStep answered fmi2Error: ...`."""
+def _list_failed_calls(log_lines: list[str]) -> list[str]:
+    """Return messages on calls that answered Error or Fatal: `fmi2DoStep answered fmi2Error: ...`."""
     messages, call, reason = [], "", ""
-    for line in calls:
+    for line in log_lines:
         if line.startswith("#"):
             reason = f": {line.removeprefix('# ')}"
         elif not line.isdecimal():
@@ -307,15 +313,16 @@ def _list_refused_calls(calls: list[str]) -> list[str]:
     return messages
 
 
-def _find_last_call(calls: list[str]) -> str:
-    return next((line for line in reversed(calls) if line.startswith(_PREFIXES)), "")
+def _find_last_call(log_lines: list[str]) -> str:
+    """Return the last FMI function in a log; empty if there is none."""
+    return next((line for line in reversed(log_lines) if line.startswith(_PREFIXES)), "")
 
 
-def _describe_end(calls: list[str], code: int) -> str:
+def _describe_end(log_lines: list[str], code: int) -> str:
     """Return why a run did not come to its end."""
-    log_message = next((line.removeprefix("# ") for line in reversed(calls) if line.startswith("#")), "")
-    call = _find_last_call(calls)
-    if calls[-1:] == ["NULL"]:
+    log_message = next((line.removeprefix("# ") for line in reversed(log_lines) if line.startswith("#")), "")
+    call = _find_last_call(log_lines)
+    if log_lines[-1:] == ["NULL"]:
         reason = f"fmi2Instantiate answered NULL: {log_message}"
         reason = reason if call else "it does not export fmi2Instantiate"
         return shorten_sentence(f"{reason.rstrip(': .')}.")
@@ -340,7 +347,7 @@ def _make_environment(folder: Path, memory_limit: int) -> dict[str, str]:
     return {"ASAN_OPTIONS": text, "UBSAN_OPTIONS": text, "LSAN_OPTIONS": "print_suppressions=0"}
 
 
-def _read(path: Path) -> str:
+def _read_beginning(path: Path) -> str:
     """Return the first MiB of a file."""
     with path.open("rb") as stream:
         return stream.read(2**20).decode(errors="replace")

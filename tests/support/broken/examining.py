@@ -16,7 +16,7 @@ from fmu_verify import check_runner
 from fmu_verify.catalogue import CHECKS, DYNAMIC
 from fmu_verify.check import Check, CheckOutcome, Verdict, failed
 from fmu_verify.check_runner import CheckRunner, do_check
-from fmu_verify.confinement import list_writable
+from fmu_verify.confinement import prepare_writable_folders
 from fmu_verify.examination import examine_fmu
 from fmu_verify.findings import Examined
 from fmu_verify.settings import Settings
@@ -44,7 +44,7 @@ def examine(
 
     def call(runner: CheckRunner, check: Check, seconds: float, memory: int) -> CheckOutcome:
         subject = runner.subject
-        folders = list_writable(subject)
+        folders = prepare_writable_folders(subject)
         if check.name in apart:
             with closing(CheckProcess(_run_quietly, (subject, check), memory, folders)) as process:
                 return process.call((), seconds)

@@ -28,7 +28,7 @@ GOOD = examined(
         (replace(ordinary(), complete=False), "2 FMUs: incomplete"),
     ],
 )
-def test_message(report_: Report, text: str, tmp_path: Path) -> None:
+def test_badge_shows_its_message(report_: Report, text: str, tmp_path: Path) -> None:
     report_.save_badge(tmp_path / "badge.svg")
     image = etree.fromstring((tmp_path / "badge.svg").read_bytes())
     assert image.get("aria-label") == text == image.findtext("{*}title")

@@ -118,7 +118,7 @@ def test_inputs_that_cancel_out_have_an_effect(
     tmp_path: Path, monkeypatch: Monkey, output: Callable[[float, float], float], verdict: Verdict
 ) -> None:
     """If all are moved at once, nothing need change."""
-    monkeypatch.setattr(behavior, "_observe", lambda _, changes, *__: [[str(output(*_numbers(changes)))]])
+    monkeypatch.setattr(behavior, "_record_run", lambda _, changes, *__: [[str(output(*_numbers(changes)))]])
     assert behavior.inputs.examine(unpacked(build_good_fmu(tmp_path))).verdict == verdict
 
 

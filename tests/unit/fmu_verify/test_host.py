@@ -224,7 +224,7 @@ def _run(values: list[list[float]]) -> OutputTrajectory:
     return OutputTrajectory(np.arange(len(rows), dtype=float), ["y", "z"], rows)
 
 
-def test_runs_that_differ_by_rounding_only_warn() -> None:
+def test_verdict_on_two_runs_depends_on_their_difference() -> None:
     """The last bit is worth a warning; more than the tolerance fails; NaN is like NaN alone."""
     expected, spoiled = _run([[0.0, 1.0], [1.0, 1.0]]), _run([[0.0, 1.0], [np.nan, 1.0]])
     for actual, other, verdict, words in (

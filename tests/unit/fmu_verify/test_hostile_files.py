@@ -112,7 +112,7 @@ def test_names_that_differ_in_case_get_a_warning(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("folder_name", ["binaries", "sources", "documentation", f"{LIBRARY}/inside"])
-def test_files_in_place_of_folders(folder_name: str, tmp_path: Path) -> None:
+def test_files_in_place_of_folders_cause_no_internal_error(folder_name: str, tmp_path: Path) -> None:
     def edit(files: Files) -> None:
         for name in [n for n in files if n.startswith(folder_name.removesuffix("/inside"))]:
             del files[name]
@@ -124,7 +124,7 @@ def test_files_in_place_of_folders(folder_name: str, tmp_path: Path) -> None:
     assert not [f for f in report.findings if "has an error" in f.sentence]
 
 
-def test_sources_only(tmp_path: Path) -> None:
+def test_fmu_with_only_sources_passes(tmp_path: Path) -> None:
     report = examine(with_files(lambda files: files.pop(LIBRARY))(tmp_path), "binaries", COMPILE)
     assert report["binaries.present"].sentence == "There are sources only."
     assert report["binaries.loads"].verdict == Verdict.SKIPPED

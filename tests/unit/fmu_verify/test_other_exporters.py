@@ -63,7 +63,7 @@ def test_fmu_gets_no_failure(build: object, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_python_fmu(tmp_path: Path) -> None:
+def test_faults_of_a_python_fmu_are_reported(tmp_path: Path) -> None:
     """An Integer without variability is continuous, which none can be; and initial unknowns are lacking."""
     report = examine(python_fmu(tmp_path), *NAMES)
     assert {f.check: f.sentence for f in report.of(Verdict.FAILED)} == {

@@ -15,7 +15,7 @@ import pytest
 
 from emla_cosim.base.tolerances import Comparison, Tube
 from fmu_verify.check import RETURNS, CheckOutcome, Verdict, failed, passed
-from fmu_verify.subprocess_run import CheckProcess, read_outcome, write_outcome
+from fmu_verify.subprocess_run import CheckProcess, decode_outcome, encode_outcome
 
 
 def test_outcome_survives_writing_and_reading() -> None:
@@ -32,9 +32,9 @@ def test_outcome_survives_writing_and_reading() -> None:
         gaps=("not judged",),
         blocks=False,
     )
-    text = write_outcome(sent)
+    text = encode_outcome(sent)
     assert b"\n" not in text
-    outcome_read = read_outcome(text)
+    outcome_read = decode_outcome(text)
     (compared,) = outcome_read.comparisons
     assert np.array_equal(compared.lower, values, equal_nan=True)
     assert (compared.signal, compared.tube, compared.worst) == ("x\udc80", Tube(0.1, 0.2), 1 / 3)
@@ -47,7 +47,7 @@ def test_outcome_survives_writing_and_reading() -> None:
 )
 def test_invalid_outcomes(text: bytes) -> None:
     with pytest.raises(ValueError):
-        read_outcome(text)
+        decode_outcome(text)
 
 
 def _run(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], seconds: float) -> CheckOutcome:

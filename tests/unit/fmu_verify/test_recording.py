@@ -169,7 +169,7 @@ def test_invalid_options_of_a_recording(
     assert not list(tmp_path.glob("new/*"))
 
 
-def test_recording_needs_a_folder(toy_fmu: Path, emla: Emla) -> None:
+def test_recording_options_need_record_and_a_folder(toy_fmu: Path, emla: Emla) -> None:
     assert "need --record" in sentence(emla("verify", str(toy_fmu), "--stop-time", "1"), 2)
     message = sentence(emla("verify", str(toy_fmu), "--record", str(toy_fmu)), 2)
     assert message == f"Error: the folder '{toy_fmu}' cannot be created: File exists."

@@ -64,7 +64,7 @@ def build_without_experiments(plant: Path, folder: Path, **changes: str | None) 
 
 
 @pytest.mark.parametrize(("by", "verdict"), [(0.0, Verdict.PASSED), (1.0, Verdict.FAILED)])
-def test_result_in_the_fmu(by: float, verdict: Verdict, plant: Path, tmp_path: Path) -> None:
+def test_result_in_the_fmu_is_compared(by: float, verdict: Verdict, plant: Path, tmp_path: Path) -> None:
     changed(reference := tmp_path / "EmlaPlant_ref.csv", "i_q", by)
     finding = compare(build_without_experiments(plant, tmp_path, ref=reference.read_text()))
     assert finding.verdict == verdict and "i_q" in {c.signal for c in finding.outcome.comparisons}
@@ -95,7 +95,9 @@ def test_result_that_cannot_be_read_warns_without_temporary_paths(plant: Path, t
         "",
     ],
 )
-def test_related_files_that_are_not_results(related: str, plant: Path, tmp_path: Path) -> None:
+def test_related_files_that_are_not_results_are_not_compared(
+    related: str, plant: Path, tmp_path: Path
+) -> None:
     shutil.copy(plant.with_name("EmlaPlant_ref.csv"), tmp_path / "outside_ref.csv")
     finding = compare(
         build_without_experiments(plant, tmp_path, manifest=f"<fmiReferences>{related}</fmiReferences>")

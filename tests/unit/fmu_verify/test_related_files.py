@@ -80,7 +80,7 @@ def test_tolerance_of_a_folder_of_references_is_not_for_experiments(
     assert finding.verdict == verdict
 
 
-def test_solver_tolerance_and_times_of_an_experiment_are_used(tmp_path: Path) -> None:
+def test_times_of_an_experiment_are_used(tmp_path: Path) -> None:
     inside = '<TransientSimulation startTime="0.5" stopTime="0.75"/>'
     finding = check(tmp_path, {"a.exp": ("experiment", EXPERIMENTS, experiment(inside))}, "smoke_tests")
     assert finding.verdict == Verdict.PASSED and "It ran to t = 0.75 s" in finding.sentence
@@ -109,7 +109,7 @@ def test_each_experiment_is_named(tmp_path: Path) -> None:
         ("<Experiments><Experiment/></Experiments>", "has an Experiment without a name in line 1."),
         (experiment(stopTime="x"), "has stopTime = x; it must be a finite number."),
         (experiment(stepSize="-1"), "has stepSize = -1; it must be a positive number."),
-        (experiment("<Stimuli/>"), "has Stimuli without a source."),
+        (experiment("<Stimuli/>"), "has the element Stimuli without the attribute 'source'."),
         (experiment("<Inputs/>"), "has the element Inputs, which an Experiment does not have."),
     ],
 )
@@ -165,7 +165,7 @@ def test_fault_of_a_listed_set_is_reported_once(
         assert f"'p.ssv' has a fault (`related.parameters`): {fault}" in validation.outcome.gaps[0]
 
 
-def test_state_that_is_cut_is_not_restored(tmp_path: Path) -> None:
+def test_truncated_state_fails(tmp_path: Path) -> None:
     finding = check(tmp_path, {"a": ("serialized-state", BYTES, serialized_state()[:-1])}, "states")
     assert finding.verdict == Verdict.FAILED
     assert "fmi2DeSerializeFMUstate answered fmi2Error" in finding.sentence

@@ -175,7 +175,7 @@ def test_lists_of_vendor_annotations_are_joined(mend: Callable[..., Repair]) -> 
     assert tools == ["one", "two", "EMLA-Cosim"]
 
 
-def test_display_units_of_a_defined_unit(mend: Callable[..., Repair]) -> None:
+def test_missing_unit_gets_its_display_units(mend: Callable[..., Repair]) -> None:
     result = mend(with_tree(remove("//Unit[@name='m']")))
     unit = next(e for e in description(result).iterfind("UnitDefinitions/Unit") if e.get("name") == "m")
     display_unit = unit.find("DisplayUnit")

@@ -167,7 +167,7 @@ def test_control_characters_are_escaped_in_junit(tmp_path: Path) -> None:
     assert r"half\udc80" in text
 
 
-def test_short_names_are_unique() -> None:
+def test_short_names_keep_what_distinguishes_paths() -> None:
     paths = ["a/x/P.fmu", "a/y/P.fmu", "b/y/P.fmu", "Q.fmu"]
     assert shorten_names(paths) == ["x/P.fmu", "a/y/P.fmu", "b/y/P.fmu", "Q.fmu"]
     assert shorten_names(["P.fmu", "P.fmu"]) == ["P.fmu", "P.fmu"]
