@@ -54,20 +54,22 @@ static void *library;
 static Component component;
 static int ended, fatal; /* whether a call answered with fmi2Error or fmi2Fatal, and with fmi2Fatal */
 
-/* Functions of source code may have a prefix. */
-static void (*function(const char *name))(void) {
+/* Return a function, and write its name to the trace; NULL after a failed call, or if the library lacks it.
+ * Functions of source code may have a prefix. */
+static void (*find_function(const char *name))(void) {
     char prefixed[sizeof PREFIX + 64];
-    void *found = dlsym(library, name);
+    void *symbol = dlsym(library, name);
     snprintf(prefixed, sizeof prefixed, "%s%s", PREFIX, name);
-    if (!found) found = dlsym(library, prefixed);
-    if (!ended && found) {
+    if (!symbol) symbol = dlsym(library, prefixed);
+    if (!ended && symbol) {
         fprintf(trace, "%s\n", name);
         fflush(trace);
     }
-    return ended ? NULL : (void (*)(void))found;
+    return ended ? NULL : (void (*)(void))symbol;
 }
 
-static int answered(TYPE(Status) status) {
+/* Write a bad status to the trace; return whether the call succeeded. */
+static int record_status(TYPE(Status) status) {
     if (status >= TYPE(Discard)) fprintf(trace, "%d\n", (int)status);
     fatal = fatal || status == TYPE(Fatal);
     ended = ended || fatal || status == TYPE(Error);
@@ -76,7 +78,7 @@ static int answered(TYPE(Status) status) {
 
 /* Call a function if the library has it and no earlier call failed; return whether it succeeded. */
 #define CALL(name, ...)                                                                    \
-    ((call = function(NAME(name))) ? answered(((JOIN(TYPE(name), TYPE) *)call)(__VA_ARGS__)) : 0)
+    ((call = find_function(NAME(name))) ? record_status(((JOIN(TYPE(name), TYPE) *)call)(__VA_ARGS__)) : 0)
 static void (*call)(void);
 
 #if VERSION == 3
@@ -104,7 +106,7 @@ static void *allocate(size_t count, size_t size) { return calloc(count, size); }
 static void release(void *memory) { free(memory); }
 #endif
 
-static void *copied(const void *from, size_t size) {
+static void *copy_to_heap(const void *from, size_t size) {
     void *to = malloc(size ? size : 1);
     if (!to) exit(2);
     if (size) memcpy(to, from, size);
@@ -121,13 +123,13 @@ enum {
 enum { IS_TEXT_REAL, IS_TEXT_INTEGER = 0, IS_TEXT_BOOLEAN = 0 };
 #endif
 
-static void look_at_strings(size_t n, TYPE(String) const *values) {
+static void read_strings(size_t n, TYPE(String) const *values) {
     for (size_t k = 0; k < n; k++) letters += values[k] ? strlen(values[k]) : 0;
 }
 
 /* Strings of the host live only during the call, as the standard says. */
 static void copy_strings(size_t n, TYPE(String) *values) {
-    for (size_t k = 0; k < n; k++) values[k] = copied(values[k], strlen(values[k]) + 1);
+    for (size_t k = 0; k < n; k++) values[k] = copy_to_heap(values[k], strlen(values[k]) + 1);
 }
 
 static void free_strings(size_t n, TYPE(String) const *values) {
@@ -141,8 +143,8 @@ static void free_strings(size_t n, TYPE(String) const *values) {
         TYPE(ValueReference) *vr;                                                          \
         TYPE(Type) *copy;                                                                  \
         if (!n) return;                                                                    \
-        vr = copied(references, n * sizeof *vr);                                           \
-        copy = copied(values, count * sizeof *copy);                                       \
+        vr = copy_to_heap(references, n * sizeof *vr);                                     \
+        copy = copy_to_heap(values, count * sizeof *copy);                                 \
         if (IS_TEXT_##LETTERS) copy_strings(count, (void *)copy);                          \
         CALL(Set##Type, component, vr, n, VALUES(copy, count));                            \
         if (IS_TEXT_##LETTERS) free_strings(count, (void *)copy);                          \
@@ -153,10 +155,10 @@ static void free_strings(size_t n, TYPE(String) const *values) {
         TYPE(ValueReference) *vr;                                                          \
         TYPE(Type) *values;                                                                \
         if (!n) return;                                                                    \
-        vr = copied(references, n * sizeof *vr);                                           \
+        vr = copy_to_heap(references, n * sizeof *vr);                                     \
         values = calloc(count, sizeof *values);                                            \
         if (CALL(Get##Type, component, vr, n, VALUES(values, count)) && IS_TEXT_##LETTERS) \
-            look_at_strings(count, (void *)values);                                        \
+            read_strings(count, (void *)values);                                           \
         free(values);                                                                      \
         free(vr);                                                                          \
     }
@@ -182,15 +184,15 @@ static void get_clocked(void) { TYPES(GET_TICKED) }
 
 static void get_derivatives(void) {
     TYPE(ValueReference) *unknowns, *knowns;
-    double *seed, *found;
+    double *seed, *derivatives;
     if (!PROVIDES_DERIVATIVES || !UNKNOWN_REFERENCES || !KNOWN_REFERENCES) return;
-    unknowns = copied(UNKNOWN, UNKNOWN_REFERENCES * sizeof *unknowns);
-    knowns = copied(KNOWN, KNOWN_REFERENCES * sizeof *knowns);
+    unknowns = copy_to_heap(UNKNOWN, UNKNOWN_REFERENCES * sizeof *unknowns);
+    knowns = copy_to_heap(KNOWN, KNOWN_REFERENCES * sizeof *knowns);
     seed = calloc(KNOWN_COUNT, sizeof *seed);
-    found = calloc(UNKNOWN_COUNT, sizeof *found);
+    derivatives = calloc(UNKNOWN_COUNT, sizeof *derivatives);
     CALL(GetDirectionalDerivative, component, unknowns, UNKNOWN_REFERENCES, knowns, KNOWN_REFERENCES, VALUES(seed, KNOWN_COUNT),
-         VALUES(found, UNKNOWN_COUNT));
-    free(found);
+         VALUES(derivatives, UNKNOWN_COUNT));
+    free(derivatives);
     free(seed);
     free(knowns);
     free(unknowns);
@@ -200,7 +202,7 @@ static double now;
 static unsigned long ticks[CLOCKS + 1]; /* the number of each clock's ticks */
 
 /* Get a state, do something, set it again; the same with its bytes. */
-static void use_states(void (*between)(void)) {
+static void run_and_restore_states(void (*between)(void)) {
     State state = NULL, again = NULL;
     const double then = now;
     unsigned long known[CLOCKS + 1];
@@ -227,13 +229,13 @@ static void use_states(void (*between)(void)) {
 /* Update the discrete states in event mode until they need no more of it. */
 static void update_states(void) {
 #if VERSION == 3
-    fmi3Boolean *said = calloc(5, sizeof *said);
+    fmi3Boolean *flags = calloc(5, sizeof *flags);
     fmi3Float64 *next = calloc(1, sizeof *next);
-    said[0] = fmi3True;
-    for (int k = 0; k < MOST_EVENTS && said[0]; k++)
-        if (!CALL(UpdateDiscreteStates, component, &said[0], &said[1], &said[2], &said[3], &said[4], next)) break;
+    flags[0] = fmi3True;
+    for (int k = 0; k < MOST_EVENTS && flags[0]; k++)
+        if (!CALL(UpdateDiscreteStates, component, &flags[0], &flags[1], &flags[2], &flags[3], &flags[4], next)) break;
     free(next);
-    free(said);
+    free(flags);
 #else
     fmi2EventInfo *info = calloc(1, sizeof *info);
     info->newDiscreteStatesNeeded = fmi2True;
@@ -271,11 +273,11 @@ static void tick(void) {
 }
 
 static void advance(double end) {
-    fmi3Boolean *said = calloc(3, sizeof *said);
+    fmi3Boolean *flags = calloc(3, sizeof *flags);
     fmi3Float64 *reached = calloc(1, sizeof *reached);
-    if (CALL(DoStep, component, now, end - now, fmi3True, &said[0], &said[1], &said[2], reached)) now = end;
+    if (CALL(DoStep, component, now, end - now, fmi3True, &flags[0], &flags[1], &flags[2], reached)) now = end;
     free(reached);
-    free(said);
+    free(flags);
 }
 
 static void step(void) {
@@ -374,7 +376,7 @@ static void run(int steps) {
         move();
         if (k == steps / 2) {
             get_derivatives();
-            use_states(move);
+            run_and_restore_states(move);
         }
     }
     CALL(Terminate, component);
@@ -388,52 +390,55 @@ typedef struct {
 } Arguments;
 
 /* Return a new instance, NULL if there is none. */
-static Component instantiate(const Arguments *given) {
+static Component instantiate(const Arguments *arguments) {
 #if VERSION == 3
-    void (*found)(void) = function(IS_MODEL ? "fmi3InstantiateModelExchange" : "fmi3InstantiateCoSimulation");
-    if (!found) return NULL;
+    void (*create)(void) = find_function(IS_MODEL ? "fmi3InstantiateModelExchange" : "fmi3InstantiateCoSimulation");
+    if (!create) return NULL;
     if (IS_MODEL)
-        return ((fmi3InstantiateModelExchangeTYPE *)found)(given->name, given->guid, given->resources, fmi3False, fmi3True,
-                                                           NULL, log_message);
-    return ((fmi3InstantiateCoSimulationTYPE *)found)(given->name, given->guid, given->resources, fmi3False, fmi3True,
-                                                      EVENTS, fmi3False, NULL, 0, NULL, log_message, NULL);
+        return ((fmi3InstantiateModelExchangeTYPE *)create)(arguments->name, arguments->guid, arguments->resources,
+                                                            fmi3False, fmi3True, NULL, log_message);
+    return ((fmi3InstantiateCoSimulationTYPE *)create)(arguments->name, arguments->guid, arguments->resources,
+                                                       fmi3False, fmi3True, EVENTS, fmi3False, NULL, 0, NULL,
+                                                       log_message, NULL);
 #else
-    fmi2InstantiateTYPE *found = (fmi2InstantiateTYPE *)function("fmi2Instantiate");
+    fmi2InstantiateTYPE *create = (fmi2InstantiateTYPE *)find_function("fmi2Instantiate");
     const fmi2Type kind = IS_MODEL ? fmi2ModelExchange : fmi2CoSimulation;
-    return found ? found(given->name, kind, given->guid, given->resources, given->callbacks, fmi2False, fmi2True) : NULL;
+    if (!create) return NULL;
+    return create(arguments->name, kind, arguments->guid, arguments->resources, arguments->callbacks, fmi2False,
+                  fmi2True);
 #endif
 }
 
-/* Return whether the FMU could be instantiated. */
-static int live(void) {
+/* Run an instance twice, and free it; return whether the FMU could be instantiated. */
+static int run_instance(void) {
 #if VERSION == 3
     void *callbacks = NULL;
 #else
     const fmi2CallbackFunctions functions = {log_message, allocate, release, NULL, NULL};
-    void *callbacks = copied(&functions, sizeof functions);
+    void *callbacks = copy_to_heap(&functions, sizeof functions);
 #endif
-    const Arguments given = {copied("examined", 9), copied(GUID, sizeof GUID), copied(RESOURCES, sizeof RESOURCES),
-                             callbacks};
-    int lived = 0;
-    component = instantiate(&given);
+    const Arguments arguments = {copy_to_heap("examined", 9), copy_to_heap(GUID, sizeof GUID),
+                                 copy_to_heap(RESOURCES, sizeof RESOURCES), callbacks};
+    int was_instantiated = 0;
+    component = instantiate(&arguments);
     if (component) {
         JOIN(TYPE(FreeInstance), TYPE) *free_instance;
         run(STEPS);
         CALL(Reset, component);
         run(STEPS / 2);
-        lived = 1;
+        was_instantiated = 1;
         ended = fatal; /* an instance in error can be freed */
         CALL(SetDebugLogging, component, TYPE(False), 0, NULL);
         ended = fatal;
-        free_instance = (JOIN(TYPE(FreeInstance), TYPE) *)function(NAME(FreeInstance));
+        free_instance = (JOIN(TYPE(FreeInstance), TYPE) *)find_function(NAME(FreeInstance));
         if (free_instance) free_instance(component);
     }
     component = NULL;
-    free(given.resources);
-    free(given.guid);
-    free(given.name);
-    free(given.callbacks);
-    return lived;
+    free(arguments.resources);
+    free(arguments.guid);
+    free(arguments.name);
+    free(arguments.callbacks);
+    return was_instantiated;
 }
 
 int main(int count, char **arguments) {
@@ -444,7 +449,7 @@ int main(int count, char **arguments) {
         return 2;
     }
     for (int k = 0; k < INSTANCES && !fatal; k++)
-        if (!live()) {
+        if (!run_instance()) {
             fprintf(trace, "NULL\n");
             return 3;
         }
