@@ -233,7 +233,7 @@ class Declarations:
         """Return the variable with an index of ModelStructure, or None."""
         return self.variables[index - 1] if index and 1 <= index <= len(self.variables) else None
 
-    def names(self, indices: Iterable[int]) -> str:
+    def join_names(self, indices: Iterable[int]) -> str:
         """Return a few names of variables, in the order of the model description."""
         return join_few_names([str(self.variable(i)) for i in sorted(indices)])
 

@@ -127,7 +127,7 @@ class FmuCollector(pytest.File):
             item.add_marker(pytest.mark.fmu(check=check.name, group=check.group))
             yield item
 
-    def finding(self, item: FmuItem) -> tuple[Examined, Finding | None]:
+    def examine_item(self, item: FmuItem) -> tuple[Examined, Finding | None]:
         """Return all findings, and that of a check, or of a failed check that it needs and is not selected.
 
         It is None for a check of what another version of FMI has.
@@ -172,7 +172,7 @@ class FmuItem(pytest.Item):
         from .findings import explain_finding
 
         assert isinstance(self.parent, FmuCollector)
-        examined, finding = self.parent.finding(self)
+        examined, finding = self.parent.examine_item(self)
         if finding is None:
             reason = f"{self.name}: the FMI version of the FMU does not have it."
             raise pytest.skip.Exception(reason, _use_item_location=True)

@@ -28,7 +28,7 @@ def compare_runs(
     """
     deviations = actual.distance(expected)
     same_values = f"{run_name} gave the same {len(expected.times)} x {len(expected.names)} values"
-    if actual.same(expected):
+    if actual.has_same_values(expected):
         return passed(f"{same_values} to the last bit.")
     if not deviations.any():  # 0 and -0, or two kinds of NaN
         return passed(f"{same_values}.")
@@ -37,7 +37,7 @@ def compare_runs(
             f"{run_name} ended at t = {actual.times[-1]:.9g} s, not at t = {expected.times[-1]:.9g} s.",
             figures={"largest_difference": math.inf},
         )
-    name, time = actual.first_difference(expected)
+    name, time = actual.find_first_difference(expected)
     worst = int(deviations.argmax()) if len(deviations) else 0
     figures = {"largest_difference": float(deviations[worst]) if len(deviations) else 0.0}
     sentence = f"{run_name} differs from {name} at t = {time:.9g} s on"
@@ -56,6 +56,6 @@ def describe_differences(
         A message without period for each output that differs by more than 1e-3 of its range, and the
         largest difference relative to the range.
     """
-    deviations = actual.until(rows).distance(expected.until(rows))
+    deviations = actual.take_rows(rows).distance(expected.take_rows(rows))
     far = [(name, d) for name, d in zip(expected.names, deviations, strict=True) if d > _CLOSE]
     return [f"{name} differs by {d:.3g} of its range" for name, d in far], max(deviations, default=0.0)

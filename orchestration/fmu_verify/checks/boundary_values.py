@@ -75,7 +75,7 @@ def direct(subject: Subject) -> CheckOutcome:
     """Set inputs between steps, and read the outputs that are declared to change with them at once."""
     if subject.kinds[0] != "CoSimulation" or subject.has_clocks:
         return skipped("The FMU is for Model Exchange, or has Clocks.")
-    all_pairs = [*_list_pairs(subject)]
+    all_pairs = [*_list_direct_pairs(subject)]
     pairs = all_pairs[:_MAX_VARIABLES]
     if not pairs:
         return skipped("No output has a constant or fixed factor of an input.")
@@ -102,7 +102,7 @@ def direct(subject: Subject) -> CheckOutcome:
     return judge_problems((), f"Outputs follow {len(pairs)} inputs at once.", warnings, gaps)
 
 
-def _list_pairs(subject: Subject) -> Iterator[tuple[str, list[str]]]:
+def _list_direct_pairs(subject: Subject) -> Iterator[tuple[str, list[str]]]:
     """Yield inputs and the outputs that depend on them by a constant or fixed factor."""
     outputs_by_input = dict[str, list[str]]()
     # elements of arrays of FMI 3.0 have no kinds: each may depend on all others
@@ -191,8 +191,8 @@ def _find_late_effects(
 ) -> Iterator[_LateEffect]:
     """Yield what is wrong with a variable; `not_kept` gets a message if it does not keep its value."""
     first = in_separate_process(_run_with_change, subject, results, variable, 0, _LATE_STEPS)[0]
-    at_start = _find_effect(first, plain, 0)
-    if at_start is None or _find_effect(first[2:], plain[2:], 0) is None:
+    at_start = _find_effect_delay(first, plain, 0)
+    if at_start is None or _find_effect_delay(first[2:], plain[2:], 0) is None:
         return  # nothing, or only in initial values that vanish
     # several instants, since one may be when the FMU samples its inputs
     delays = list[int | None]()
@@ -206,13 +206,13 @@ def _find_late_effects(
                 f"{variable.name} is {format_value(value)} after it was set to {new} between steps."
             )
             return
-        delays.append(_find_effect(rows, plain, change_step))
+        delays.append(_find_effect_delay(rows, plain, change_step))
     if set(delays) == {None}:
         longer = in_separate_process(_run_with_change, subject, results, None, 0, _MORE_STEPS)[0]
         rows, _ = in_separate_process(
             _run_with_change, subject, results, variable, _STEPS_OF_CHANGE[0], _MORE_STEPS
         )
-        if _find_effect(rows, longer, _STEPS_OF_CHANGE[0]) is None and len(rows) > _LATE_STEPS:
+        if _find_effect_delay(rows, longer, _STEPS_OF_CHANGE[0]) is None and len(rows) > _LATE_STEPS:
             yield _LateEffect(variable.name, None)
         return
     (delay, *later_delays) = delays
@@ -221,7 +221,7 @@ def _find_late_effects(
         yield _LateEffect(variable.name, delay - max(at_start, 1))
 
 
-def _find_effect(rows: Rows, plain: Rows, change_step: int) -> int | None:
+def _find_effect_delay(rows: Rows, plain: Rows, change_step: int) -> int | None:
     """Return the number of steps after which rows differ, counted from a step; None if they do not."""
     for k, (changed_row, plain_row) in enumerate(zip(rows, plain, strict=False)):
         if changed_row != plain_row:

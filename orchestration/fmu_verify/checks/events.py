@@ -79,7 +79,7 @@ def iteration(subject: Subject) -> CheckOutcome:
     return passed("All event iterations that were seen end.", gaps=tuple(gaps))
 
 
-def explain_endless(error: CallError) -> CheckOutcome:
+def make_endless_outcome(error: CallError) -> CheckOutcome:
     """Return the outcome of a check that needs event iterations to end; raise errors of another kind."""
     if not isinstance(error, EndlessIterationError):
         raise error

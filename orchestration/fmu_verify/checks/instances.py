@@ -285,7 +285,7 @@ def _step_in_threads(subject: Subject, steps: int, expected: OutputTrajectory) -
         for _ in range(_REPEATS):
             list(pool.map(_step_at_once, instances, [steps] * _AT_ONCE))
             for instance in instances:
-                if not (trajectory := _read_outputs(instance)).same(expected):
+                if not (trajectory := _read_outputs(instance)).has_same_values(expected):
                     return trajectory
                 instance.free()
                 instance.instantiate()

@@ -21,7 +21,7 @@ from ..host.process_state import can_read_memory, load_c_library, read_memory
 from ..messages import judge_problems, list_left_out
 from ..subject import Subject
 from ..subprocess_run import EndedError, in_fresh_process
-from .events import explain_endless
+from .events import make_endless_outcome
 
 # calls of a batch, unless they are slow: where the C library counts bytes, and where it does not
 _CALLS = {True: 300, False: 1000}
@@ -182,7 +182,7 @@ def buffers(subject: Subject) -> CheckOutcome:
         try:
             instance.initialize(None, read_span(subject)[0])
         except EndlessIterationError as error:
-            return explain_endless(error)
+            return make_endless_outcome(error)
         model = instance.model
         assert model is not None
         listed = int(subject.description.numberOfEventIndicators or 0)

@@ -22,7 +22,7 @@ from ..host.integration import HostedModel
 from ..messages import Breach, judge_problems
 from ..subject import Subject
 from ._sameness import describe_differences
-from .events import explain_endless
+from .events import make_endless_outcome
 
 _WITH_CLOCKS = "Models with Clocks are not integrated; their co-simulation is examined."
 
@@ -37,7 +37,7 @@ def runs(subject: Subject) -> CheckOutcome:
     try:
         trajectory = run_alone(subject, kind="ModelExchange")
     except CallError as error:
-        return explain_endless(error)
+        return make_endless_outcome(error)
     instance = HostedInstance(subject, kind="ModelExchange")
     run_instance(instance, make_experiment(subject, FEWEST_STEPS))
     instance.close()

@@ -282,7 +282,7 @@ def _run_with_other_values(run: _RunSeries) -> OutputTrajectory | None:
             trajectory = in_fresh_process(_record_run, subject, run.course, values, run.names)
         except CallError:  # the model does not accept these values
             continue
-        if len(trajectory.times) == len(run.plain.times) and not trajectory.same(run.plain):
+        if len(trajectory.times) == len(run.plain.times) and not trajectory.has_same_values(run.plain):
             return trajectory
     return None
 

@@ -69,12 +69,14 @@ def _judge_result(subject: Subject, file: RelatedFile) -> CheckOutcome:
         if reference is not None:
             check_columns(subject, reference)
     except (CommandError, NotRunError) as error:  # `related` judges experiments
-        return _leave_out(format_sentence(error))
+        return _skip_result(format_sentence(error))
     if reference is None:
         try:
             reference = read_reference(file.path, subject.interface)
             if not reference.inputs and any(v.causality == "input" for v in subject.variables.values()):
-                return _leave_out(f"There is no file with its inputs, {list_companions(file.path)[0].name}.")
+                return _skip_result(
+                    f"There is no file with its inputs, {list_companions(file.path)[0].name}."
+                )
             check_columns(subject, reference)
         except CommandError as error:
             hint = "Correct the files of the result: columns are `time` and variables of the FMU."
@@ -83,7 +85,7 @@ def _judge_result(subject: Subject, file: RelatedFile) -> CheckOutcome:
     return judge_run(subject, reference, in_fresh_process(run_reference, subject, reference))
 
 
-def _leave_out(reason: str) -> CheckOutcome:
+def _skip_result(reason: str) -> CheckOutcome:
     return unjudged(f"The result in the FMU was not compared. {reason}")
 
 

@@ -29,7 +29,7 @@ from ..messages import join_few_names
 from ..subject import Subject
 from ..subprocess_run import in_fresh_process
 from ._sameness import compare_runs, describe_differences
-from .events import explain_endless
+from .events import make_endless_outcome
 
 # part of the time limit for one run; other checks run as many steps as are possible in this time
 _PART = 0.4
@@ -51,7 +51,7 @@ def completes(subject: Subject) -> CheckOutcome:
             more = len(rest.times)
             keep_run(subject, course, _REST, rest)
     except CallError as error:
-        return explain_endless(error)
+        return make_endless_outcome(error)
     instance.close()
     if steps_done == steps or instance.terminated:
         keep_run(subject, course, subject.kinds[0], trajectory)

@@ -45,7 +45,7 @@ _TIME_FACTOR = 8.0
 _PART = 0.3
 
 # Part of the time limit for the build with sanitizers. If it succeeds, other checks use it, too.
-_SANITIZERS = 0.2
+_PART_OF_SANITIZERS = 0.2
 
 _LISTED = quote("sources.listed")
 
@@ -120,7 +120,7 @@ def _can_build_for_sanitizers(subject: Subject, kind: str, needed: Collection[st
     if (sources := find_sources(subject, kind)) is None:
         return False
     note(f"a compiler building {', '.join(path.name for path in sources.files)} with sanitizers")
-    seconds = _SANITIZERS * _TIME_FACTOR * subject.settings.seconds
+    seconds = _PART_OF_SANITIZERS * _TIME_FACTOR * subject.settings.seconds
     library = build_complete_library(subject, sources, seconds)
     return library is not None and not _list_missing_functions(library, needed)
 

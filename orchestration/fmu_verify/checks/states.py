@@ -140,7 +140,7 @@ def serialized(subject: Subject) -> CheckOutcome:
     run_name = f"A run from the serialized state of t = {course.times[middle]:.9g} s"
     outcome = compare_runs(actual, expected, run_name, _ALLOWED)
     if outcome.verdict == Verdict.PASSED and (count := len(_find_addresses(data))):
-        outcome = _judge_moved(subject, course, middle, data, count) or outcome
+        outcome = _judge_moved_addresses(subject, course, middle, data, count) or outcome
     return outcome if outcome.verdict != Verdict.PASSED else _judge_damaged(subject, data)
 
 
@@ -162,7 +162,7 @@ def _find_addresses(data: bytes) -> list[int]:
     return (_WORD * np.flatnonzero(inside)).tolist()
 
 
-def _judge_moved(
+def _judge_moved_addresses(
     subject: Subject, course: Experiment, middle: int, data: bytes, count: int
 ) -> CheckOutcome | None:
     """Return what is wrong if a state's addresses are those of another process; None for nothing."""

@@ -208,9 +208,9 @@ def _compare_indices(
 ) -> Iterator[Problem]:
     """Yield expected indices that are missing, and listed ones that are neither expected nor doubtful."""
     if missing := expected.difference(listed.indices):
-        yield Breach(f"{listed} lacks {declared.names(missing)}.", clause)
+        yield Breach(f"{listed} lacks {declared.join_names(missing)}.", clause)
     if surplus := {v.index for v in listed.variables}.difference(expected, doubtful):
-        yield Breach(f"{listed} lists {declared.names(surplus)}, which does not belong there.", clause)
+        yield Breach(f"{listed} lists {declared.join_names(surplus)}, which does not belong there.", clause)
 
 
 _INDICES = quote("shared.indices")
@@ -301,7 +301,7 @@ def _compare_with_initial(declared: Declarations, states: set[int], free: set[in
                 (knowns_at_start.intersection(later).difference(first), listed, initial),
             ):
                 if missing:
-                    message = f"{unknown} depends on {declared.names(missing)} in {name}"
+                    message = f"{unknown} depends on {declared.join_names(missing)} in {name}"
                     yield Breach(f"{message}, but not in {other_list}.", _INDEPENDENT)
 
 

@@ -110,7 +110,7 @@ def _list_unjudged(subject: Subject, count: int, tunable: bool = False) -> tuple
 @check("values.reset", needs=("run.completes",), time_factor=2.0)
 def reset(subject: Subject) -> CheckOutcome:
     """Compare parameters and inputs after other values and fmi2Reset with those of a new instance."""
-    return judge_unchanged(subject, _read_after_reset, "after fmi2Reset")
+    return compare_with_new_instance(subject, _read_after_reset, "after fmi2Reset")
 
 
 def _read_after_reset(subject: Subject, changes: Values) -> tuple[Values, Values]:
@@ -125,7 +125,7 @@ def _read_after_reset(subject: Subject, changes: Values) -> tuple[Values, Values
     return accepted, read_values(instance, names)
 
 
-def judge_unchanged(subject: Subject, read_values_after: Any, when: str) -> CheckOutcome:
+def compare_with_new_instance(subject: Subject, read_values_after: Any, when: str) -> CheckOutcome:
     """Judge values that should be those of a new instance, for the changes that were taken."""
     changes = list_other_values(list_settable(subject, "parameter", "input"))
     if not changes:
@@ -168,10 +168,10 @@ def state(subject: Subject) -> CheckOutcome:
         names = list_differences(changed, before, before)
         changed_names = [n for n in names if n in changes]
         count, judged_changes = count + len(names), judged_changes + len(changed_names)
-        problems += _list_lost(restored, before, names, "after fmi2SetFMUstate")
+        problems += _describe_lost_values(restored, before, names, "after fmi2SetFMUstate")
         if data is not None and not problems:
             deserialized = in_fresh_process(_read_from_bytes, subject, data, changed_names)
-            problems += _list_lost(deserialized, changed, changed_names, "from a serialized state")
+            problems += _describe_lost_values(deserialized, changed, changed_names, "from a serialized state")
     gaps = () if subject.has_clocks else _list_unjudged(subject, judged_changes, tunable=True)
     fine = f"{count} values that were changed were restored with a state."
     return judge_problems(problems, fine, gaps=gaps)
@@ -185,15 +185,15 @@ def _find_lost_parameters(subject: Subject) -> list[str]:
     problems = []
     for before, restored, data in run_where_accepted(_read_after_reset_and_restoring, subject, changes):
         accepted = [name for name in before if are_same(before[name], changes[name])]
-        messages = _list_lost(restored, before, accepted, "after fmi2Reset and fmi2SetFMUstate")
+        messages = _describe_lost_values(restored, before, accepted, "after fmi2Reset and fmi2SetFMUstate")
         if data is not None and not messages:
             deserialized = in_fresh_process(_read_from_bytes, subject, data, accepted)
-            messages = _list_lost(deserialized, before, accepted, "from a serialized state")
+            messages = _describe_lost_values(deserialized, before, accepted, "from a serialized state")
         problems += messages
     return problems
 
 
-def _list_lost(values: Values, saved: Values, names: Sequence[str], how: str) -> list[str]:
+def _describe_lost_values(values: Values, saved: Values, names: Sequence[str], how: str) -> list[str]:
     """Return a message for each value that is not the one that was saved."""
     return [
         f"{name} is {format_value(values[name])} {how}; "
@@ -252,7 +252,9 @@ def shared(subject: Subject) -> CheckOutcome:
     """Check that other values in one instance change no values and no results of another one."""
     if is_single_instance(subject):
         return skipped("canBeInstantiatedOnlyOncePerProcess is set.")
-    outcome = judge_unchanged(subject, _read_two_instances, "in an instance beside one with other values")
+    outcome = compare_with_new_instance(
+        subject, _read_two_instances, "in an instance beside one with other values"
+    )
     if outcome.verdict != Verdict.PASSED:
         return outcome
     changes = list_other_values(list_settable(subject, "parameter", "input"))

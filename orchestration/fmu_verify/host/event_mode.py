@@ -60,9 +60,9 @@ class EventState(NamedTuple):
 
     stepper_memory: Vector
     pending: dict[str, Any]
-    passed: dict[str, Any]
-    clocked: dict[str, Any]
-    values: dict[str, Any]
+    sent: dict[str, Any]
+    clocked_inputs: dict[str, Any]
+    clocked_values: dict[str, Any]
 
 
 class HostedEvents:
@@ -117,9 +117,9 @@ class HostedEvents:
         self._error: Exception | None = None
         self._ticking: set[int] = set()
         self._pending: dict[str, Any] = {}
-        self._passed: dict[str, Any] = {}
-        self._inputs: dict[str, Any] = {}
-        self._values: dict[str, Any] = {}
+        self._sent: dict[str, Any] = {}
+        self._clocked_inputs: dict[str, Any] = {}
+        self._clocked_values: dict[str, Any] = {}
 
     def start_clocks(self, start: float) -> None:
         """Find the first ticks, and read clocked variables, in initialization mode; `start` is in s."""
@@ -144,7 +144,7 @@ class HostedEvents:
         if self._pending and math.isnan(self._tables.memory[END_REQUEST]):
             self._run_stepper(self._stepper.enter_events)
             self._instance.set_now(self._pending)
-            self._passed.update(self._pending)
+            self._sent.update(self._pending)
             self._pending.clear()
             self._run_stepper(self._stepper.leave_events)
         self._run_stepper(self._stepper.step_events, time, length, 0)
@@ -166,10 +166,10 @@ class HostedEvents:
         for name, value in values.items():
             variable = self._instance.subject.variables[name]
             if is_clocked(variable) and self._has_mode:
-                self._inputs[name] = value
+                self._clocked_inputs[name] = value
             elif self._has_mode and _is_discrete_input(variable):
                 self._pending.pop(name, None)
-                if name not in self._passed or self._passed[name] != value:
+                if name not in self._sent or self._sent[name] != value:
                     self._pending[name] = value
             else:
                 now[name] = value
@@ -177,19 +177,24 @@ class HostedEvents:
 
     def get(self, variables: Sequence[ModelVariable]) -> list[Any]:
         """Return values in step mode; those of clocked variables are of their last tick."""
-        current_values = iter(self._instance.read([v for v in variables if v.name not in self._values]))
-        return [self._values[v.name] if v.name in self._values else next(current_values) for v in variables]
+        current_values = iter(
+            self._instance.read([v for v in variables if v.name not in self._clocked_values])
+        )
+        return [
+            self._clocked_values[v.name] if v.name in self._clocked_values else next(current_values)
+            for v in variables
+        ]
 
     def save(self) -> EventState:
         """Return a copy of what is known of the instance."""
-        bookkeeping = (self._pending, self._passed, self._inputs, self._values)
+        bookkeeping = (self._pending, self._sent, self._clocked_inputs, self._clocked_values)
         return EventState(self._tables.memory.copy(), *(dict(values) for values in bookkeeping))
 
     def restore(self, state: EventState) -> None:
         """Continue with what was known earlier."""
         self._tables.memory[:] = state.stepper_memory
-        copies = (dict(v) for v in (state.pending, state.passed, state.clocked, state.values))
-        self._pending, self._passed, self._inputs, self._values = copies
+        copies = (dict(v) for v in (state.pending, state.sent, state.clocked_inputs, state.clocked_values))
+        self._pending, self._sent, self._clocked_inputs, self._clocked_values = copies
 
     def _run_stepper(self, function: Any, *arguments: Any) -> None:
         """Call a function of the stepper, and raise the error for what went wrong."""
@@ -232,7 +237,7 @@ class HostedEvents:
                 ticking = [references[k] for k in range(count) if active[k]]
                 self._ticking.update(ticking)
                 if name == SET_CLOCK:  # they start to tick: set the inputs that belong to them
-                    variables, values = self._instance.subject.variables, self._inputs
+                    variables, values = self._instance.subject.variables, self._clocked_inputs
                     changed = {n: v for n, v in values.items() if belongs(variables[n], ticking)}
                     self._instance.set_now(changed)
         except Exception as error:
@@ -264,7 +269,9 @@ class HostedEvents:
 
     def _read_clocked_values(self, variables: Sequence[ModelVariable]) -> None:
         """Read variables, whose values `get` returns until their next tick."""
-        self._values.update(zip((v.name for v in variables), self._instance.read(variables), strict=True))
+        self._clocked_values.update(
+            zip((v.name for v in variables), self._instance.read(variables), strict=True)
+        )
 
 
 def _make_c_name(call: str) -> str:

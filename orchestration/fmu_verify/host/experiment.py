@@ -119,12 +119,12 @@ class OutputTrajectory:
     names: list[str]
     values: Vector
 
-    def same(self, other: "OutputTrajectory") -> bool:
+    def has_same_values(self, other: "OutputTrajectory") -> bool:
         """Return whether the values of both are bitwise equal."""
         # NaN is the same as NaN here, but 0 is not -0
         return self.values.tobytes() == other.values.tobytes()
 
-    def first_difference(self, other: "OutputTrajectory") -> tuple[str, float]:
+    def find_first_difference(self, other: "OutputTrajectory") -> tuple[str, float]:
         """Return the name and time in s of the first value that is not bitwise equal."""
         rows = min(len(self.times), len(other.times))
         # bits of NaN are equal, although NaN is not
@@ -140,8 +140,8 @@ class OutputTrajectory:
         name, value = self.names[int(np.argmax(wrong[k]))], self.values[k][wrong[k]][0]
         return f"{name} is {value} at t = {self.times[k]:.9g} s."
 
-    def until(self, rows: int) -> "OutputTrajectory":
-        """Return the first rows."""
+    def take_rows(self, rows: int) -> "OutputTrajectory":
+        """Return the first rows, as a trajectory."""
         return OutputTrajectory(self.times[:rows], self.names, self.values[:rows])
 
     def distance(self, other: "OutputTrajectory") -> Vector:

@@ -218,7 +218,7 @@ class HostedInstance(FmiInstance):
         """Return a new copy of the state."""
         with self.calling():
             state = self.fmu.getFMUState()
-        self._keep_events(state)
+        self._attach_events(state)
         return state
 
     def save_state_again(self, state: Any) -> None:
@@ -226,9 +226,9 @@ class HostedInstance(FmiInstance):
         name = "fmi3GetFMUState" if self._is_3 else "fmi2GetFMUstate"
         with self.calling():
             getattr(self.fmu, name)(self.fmu.component, byref(state))
-        self._keep_events(state)
+        self._attach_events(state)
 
-    def _keep_events(self, state: Any) -> None:
+    def _attach_events(self, state: Any) -> None:
         state.events = None if self.events is None else self.events.save()
 
     def restore_state(self, state: Any) -> None:

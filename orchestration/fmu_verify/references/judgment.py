@@ -163,7 +163,7 @@ def run_reference(
     """
     course = build_course(subject, reference)
     instance = HostedInstance(subject)
-    values = read_start_values(subject, reference.start_values) | course.at(0)
+    values = convert_values_by_name(subject, reference.start_values) | course.at(0)
     tolerance = reference.solver_tolerance or subject.interface.tolerance
     instance.begin_initialization(reference.start, reference.stop, tolerance, lambda: instance.set(values))
     instance.exit_initialization()
@@ -180,7 +180,7 @@ def run_reference(
     return OutputTrajectory(times, names, np.concatenate(rows)[::steps_per_row])
 
 
-def read_start_values(subject: Subject, values: Mapping[str, Any]) -> dict[str, Any]:
+def convert_values_by_name(subject: Subject, values: Mapping[str, Any]) -> dict[str, Any]:
     """Convert start values to the types of their variables. Raise CommandError for invalid ones."""
     typed = convert_start_values(subject.path.stem, subject.interface, values)
     return {str(variable.name): value for variable, value in typed}

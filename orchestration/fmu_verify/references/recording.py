@@ -23,7 +23,7 @@ from ..host.experiment import OutputTrajectory, list_outputs, parse_number, read
 from ..settings import Recording
 from ..subject import Subject
 from ..subprocess_run import in_fresh_process
-from .judgment import read_start_values, run_reference, sample_inputs
+from .judgment import convert_values_by_name, run_reference, sample_inputs
 from .reference_files import OPTIONS, ReferenceSolution, read_columns
 
 
@@ -117,7 +117,7 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
         except Exception:  # the checks report it with more detail
             continue
         _choose_steps(subject, recording)
-        read_start_values(subject, recording.values)
+        convert_values_by_name(subject, recording.values)
         if recording.inputs is not None:
             columns, _ = read_columns(recording.inputs, "the inputs", subject.interface)
             sample_inputs(subject, columns, np.zeros(2))
