@@ -62,6 +62,7 @@ def _format_table(examined: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def _format_item(kind: Verdict, examined: dict[str, Any], finding: dict[str, Any]) -> str:
+    """Return the line of a list for a finding; failures with clause and hint."""
     message = f"{_escape(examined['name'])}: **{_escape(finding['check'])}** {_escape(finding['sentence'])}"
     if kind == Verdict.FAILED:
         clause = finding["clause"]

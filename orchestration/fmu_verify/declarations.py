@@ -336,6 +336,7 @@ def _read_variable(
     types: Mapping[str, DeclaredType],
     find_position: Callable[[str], int],
 ) -> DeclaredVariable:
+    """Read a variable, with defaults for attributes that it lacks."""
     value = _find_typed_element(element, version)
     own_attributes = dict(value.attrib)
     if "derivative" in own_attributes:

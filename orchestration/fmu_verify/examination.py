@@ -109,6 +109,7 @@ def find_objections(findings: Sequence[Finding], settings: Settings) -> tuple[st
 
 def _yield_objections(findings: Sequence[Finding], settings: Settings) -> Iterator[str]:
     # a check that needs a failed one is not a reason of its own
+    """Yield blocked checks, and what the settings do not accept, as messages."""
     failed = {f"It needs {f.check}, which failed." for f in findings if f.verdict == Verdict.FAILED}
     if blocked := [f for f in findings if f.outcome.blocked and f.sentence not in failed]:
         count = "1 check" if len(blocked) == 1 else f"{len(blocked)} checks"

@@ -154,6 +154,7 @@ def find_element_problems(root: Any, rule: ElementRule) -> Iterator[str]:
 
 
 def _find_problems(element: Any, rule: ElementRule) -> Iterator[str]:
+    """Yield where an element and those in it violate a rule."""
     where = f"line {element.sourceline}: {rule.name}"
     # attributes with a namespace are judged elsewhere
     attributes = {name: text for name, text in element.attrib.items() if not name.startswith("{")}

@@ -71,6 +71,7 @@ def render(report: Findings) -> str:
 
 
 def _list_results(report: Findings) -> Iterator[dict[str, Any]]:
+    """Yield a result for each failure, warning and note, and one for the objections of each FMU."""
     for examined in report.examined:
         for finding in examined.findings:
             if (level := _choose_level(finding)) is not None:

@@ -50,6 +50,7 @@ def clocks(subject: Subject) -> CheckOutcome:
 
 
 def _judge_clock(clock: DeclaredVariable) -> Iterator[Problem]:
+    """Yield what is wrong with the attributes of a Clock."""
     attributes, kind = clock.attributes, clock.attributes.get("intervalVariability", "")
     if clock.causality not in ("input", "output", "local"):
         yield Breach(
@@ -104,6 +105,7 @@ def _judge_fractions(clock: DeclaredVariable, kind: str) -> Iterator[Problem]:
 
 
 def _judge_clocks_of_variable(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
+    """Yield what is wrong with the list of Clocks of a variable; nothing if it has none."""
     if variable.clocks is None:
         return
     if not variable.clocks:
@@ -118,6 +120,7 @@ def _judge_clocks_of_variable(variable: DeclaredVariable, declared: Declarations
 
 
 def _judge_previous(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
+    """Yield what is wrong with the previous value of a variable; nothing if it has none."""
     if variable.previous is None:
         return
     if variable.type == "Clock":
@@ -157,6 +160,7 @@ def dimensions(subject: Subject) -> CheckOutcome:
 
 
 def _judge_dimensions(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
+    """Yield what is wrong with the sizes of an array and its number of start values."""
     if variable.causality == "structuralParameter":
         yield Breach(f"The structural parameter {variable} is an array.", quote("clocks.scalar"))
     for dimension in variable.dimensions:

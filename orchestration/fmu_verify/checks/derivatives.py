@@ -189,6 +189,7 @@ def _differentiate(point: Point, seed: dict[str, float], size: float) -> tuple[_
 
 
 def _compute_difference(point: Point, seed: dict[str, float], size: float) -> _Difference:
+    """Return the slopes of all unknowns along a direction, by steps of this size ahead and back."""
     value_ahead, value_behind, center = (
         point.evaluate_shifted({name: by * way for name, by in seed.items()}) for way in (size, -size, 0.0)
     )

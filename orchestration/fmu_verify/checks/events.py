@@ -51,6 +51,7 @@ def _find_unexpected_event(subject: Subject) -> str:
 
 
 def _run_with_events(subject: Subject, has_mode: bool) -> _EventRun:
+    """Run an instance that may return early from steps, and use event mode if it has it."""
     instance = HostedInstance(subject, events=has_mode, allows_early_return=True)
     run_instance(instance, make_experiment(subject, _STEPS))
     instance.close()

@@ -123,6 +123,7 @@ def cycles(subject: Subject) -> CheckOutcome:
 
 
 def _run_cycle(instance: HostedInstance, course: Experiment) -> None:
+    """Instantiate, run, reset, run again, terminate and free an instance."""
     instance.instantiate()
     run_instance(instance, course)
     instance.reset()

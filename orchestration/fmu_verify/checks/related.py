@@ -80,6 +80,7 @@ def _judge_safely(judge: Callable[[], CheckOutcome]) -> CheckOutcome:
 
 
 def _judge_error(error: Exception) -> CheckOutcome:
+    """Return the outcome for an error that came from reading or running a related file."""
     if isinstance(error, NotRunError):
         return unjudged(str(error))
     if isinstance(error, CommandError):
@@ -220,6 +221,7 @@ _STEPS = 5
 
 
 def _judge_parameter_set(subject: Subject, file: RelatedFile) -> CheckOutcome:
+    """Run a few steps with a parameter set; warn of names that the FMU does not have."""
     path = _require_path(file)
     if not is_of_type(file, (SSV,), ".ssv"):
         raise NotRunError(f"It has the type {file.type}, which is not read.")

@@ -39,6 +39,7 @@ def enumerations(subject: Subject) -> CheckOutcome:
 
 
 def _judge_values(subject: Subject, kind: str, is_valid: Any) -> CheckOutcome:
+    """Judge the values of all variables of a type; `is_valid` takes a variable and its value."""
     all_variables = [v for v in subject.description.modelVariables if v.type == kind]
     if not all_variables:
         return skipped(f"It has no {kind}.")
@@ -181,6 +182,7 @@ def _describe_string_problem(instance: HostedInstance, variable: ModelVariable, 
 
 
 def _is_on_stack(address: int) -> bool:
+    """Return whether an address is on the stack of this process; False if the system does not tell."""
     try:
         lines = Path("/proc/self/maps").read_text().splitlines()
     except OSError:

@@ -110,6 +110,7 @@ def _find_reinitialized(declared: Declarations) -> Iterator[Problem]:
 
 
 def _find_model_exchange_attributes(variable: DeclaredVariable) -> Iterator[Problem]:
+    """Yield attributes that only variables for Model Exchange have."""
     has = {
         "reinit": "reinit" in variable.own_attributes,
         "canHandleMultipleSetPerTimeInstant": variable.multiple_sets != "",
@@ -210,6 +211,7 @@ def types(subject: Subject) -> CheckOutcome:
 
 
 def _judge_type_names(declared: Declarations) -> Iterator[Problem]:
+    """Yield type definitions with the same name, or with that of a variable."""
     variables = {v.name for v in declared.variables}
     for name in find_repeated(t.name for t in declared.types):
         yield Breach(
@@ -228,6 +230,7 @@ def _name_type_element(declared: Declarations) -> str:
 
 
 def _judge_type_uses(declared: Declarations) -> Iterator[Problem]:
+    """Yield variables whose declared type does not exist, or is of another type."""
     by_name = {t.name: t for t in declared.types}
     for variable in declared.variables:
         name = variable.own_attributes.get("declaredType")
@@ -260,6 +263,7 @@ def presence(subject: Subject) -> CheckOutcome:
 
 
 def _find_misplaced_starts(variable: DeclaredVariable) -> Iterator[Problem]:
+    """Yield a missing start value, or one that is not allowed."""
     causalities = ("input", "parameter", "structuralParameter")
     is_required = variable.causality in causalities or variable.variability == "constant"
     if variable.causality == "independent":

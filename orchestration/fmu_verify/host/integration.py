@@ -84,6 +84,7 @@ class HostedModel(ContinuousModel):
         return self._functions[name]
 
     def _update(self, call: str) -> tuple[bool, bool, bool, bool, bool, float]:
+        """Update the discrete states, and note changes and event times that the FMU does not announce."""
         before = self._read_states()
         answer = self.fmu.newDiscreteStates()
         if not answer[3] and (changed := before != self._read_states()).any():

@@ -57,6 +57,7 @@ def list_run_dependencies(subject: Subject, types: Sequence[str] = REAL) -> list
 
 
 def _convert_unknowns(unknowns: Iterable[Unknown], types: Sequence[str]) -> list[Dependency]:
+    """Return the dependencies of those unknowns that exist and have one of the types."""
     return [
         Dependency(
             u.variable.name, None if u.dependencies is None else frozenset(v.name for v in u.dependencies)

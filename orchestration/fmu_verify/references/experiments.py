@@ -217,6 +217,7 @@ def read_experiments(file: Path, unpacked: Path) -> list[ExperimentSetup]:
 
 
 def _read_experiment(element: Any, file: Path, unpacked: Path) -> ExperimentSetup:
+    """Read an element Experiment. Raise CommandError if it is not valid."""
     name = element.get("name")
     if name is None:
         raise CommandError(f"'{file.name}' has an Experiment without a name in line {element.sourceline}.")
@@ -241,6 +242,7 @@ def _read_experiment(element: Any, file: Path, unpacked: Path) -> ExperimentSetu
 
 
 def _read_number(text: str, key: str, label: str) -> float:
+    """Return a finite number, positive for steps and tolerances. Raise CommandError for other texts."""
     try:
         number = float(text)
     except ValueError:

@@ -187,6 +187,7 @@ def convert_values_by_name(subject: Subject, values: Mapping[str, Any]) -> dict[
 
 
 def _sample_input(variable: ModelVariable, rows: Vector, values: Vector, times: Vector) -> Vector:
+    """Return the values of an input at `times`, from its values at the times `rows`."""
     ahead = _TIME_TOLERANCE * float(times[1] - times[0])
     # of rows at the same time, which are an event, the last one counts
     last = np.maximum(np.searchsorted(rows, times + ahead, side="right") - 1, 0)
