@@ -125,7 +125,10 @@ class OutputTrajectory:
         return self.values.tobytes() == other.values.tobytes()
 
     def find_first_difference(self, other: "OutputTrajectory") -> tuple[str, float]:
-        """Return the name and time in s of the first value that is not bitwise equal."""
+        """Return the output and the time in s of the first value that is not bitwise equal.
+
+        "the end of the run" and the last common time if all rows are equal that both have.
+        """
         rows = min(len(self.times), len(other.times))
         # bits of NaN are equal, although NaN is not
         differs = self.values[:rows].view(np.int64) != other.values[:rows].view(np.int64)

@@ -158,12 +158,12 @@ def test_terms_are_added_in_order_and_into_the_signals(ring: ec.Simulation, way:
             "a group needs members, and all of them without step multiples",
         ),
         ([ec.Solve([])], "a group needs members"),
-        ([ec.Solve([0, 0])], "has an instance twice"),
-        ([ec.Solve([0, 2])], "names an instance that does not exist; there are 0 to 1"),
-        ([ec.Operation(ec.Call.STEP, -1)], "names an instance that does not exist; there are 0 to 1"),
+        ([ec.Solve([0, 0])], "uses an instance twice"),
+        ([ec.Solve([0, 2])], "uses an instance that does not exist; their numbers are 0 to 1"),
+        ([ec.Operation(ec.Call.STEP, -1)], "uses an instance that does not exist; their numbers are 0 to 1"),
         (
             [ec.Combine(2, "mine", {"signals": 1.0})],
-            "names an instance that does not exist; there are 0 to 1",
+            "uses an instance that does not exist; their numbers are 0 to 1",
         ),
         ([ec.Operation(7, 0)], "7 is not a Call"),  # type: ignore[arg-type]
         ([(ec.Call.STEP, 0)], "is not an Operation, a Solve or a Combine"),

@@ -107,7 +107,7 @@ def test_clock_that_never_stops_is_an_error(fmu: Path) -> None:
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_clocks_in_a_chain_and_within_one_fmu(fmu: Path, algorithm: str) -> None:
+def test_ticks_in_a_chain_are_as_late_as_the_algorithm_makes_them(fmu: Path, algorithm: str) -> None:
     wires = ["a.alarm -> a.go", "a.echo -> b.go", "b.echo -> c.go", "a.x -> a.w", "a.x -> b.w"]
     result = run(pair(fmu, wires, "abc"), algorithm=algorithm)
     levels = alarms(result["time"])

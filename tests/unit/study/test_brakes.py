@@ -84,7 +84,10 @@ def test_joint_without_phase_is_that_without_brake(arm: Callable[..., ec.Scenari
     ("brake", "message"),
     [
         ("[brake]\ntorque = 60.0\nphases = []\n", "1 to 8"),
-        ("[brake]\ntorque = 60.0\nphases = [[1.0, 1.1]]\n", "longer than both delays together, 0.15 s"),
+        (
+            "[brake]\ntorque = 60.0\nphases = [[1.0, 1.1]]\n",
+            "longer than engage_delay and release_delay together, 0.15 s",
+        ),
         (
             "[brake]\ntorque = 60.0\nphases = [[2.0, 3.0], [1.0, 1.5]]\n",
             "before the previous one ends at 3 s",

@@ -127,7 +127,7 @@ def test_missing_set_lists_the_sets(slew: Path) -> None:
         ec.load(slew)
 
 
-def test_block_without_gains_takes_an_observer_of_the_joint(slew: Path) -> None:
+def test_controller_block_needs_observer_gains_in_the_joint_file(slew: Path) -> None:
     from rsba_fmu import FocController
 
     assert ec.load(slew, controller=FocController, gains="robust")

@@ -153,7 +153,7 @@ def draw_certainty(result: IdentificationResult) -> "Figure":
     """Draw the intervals of the estimates within their ranges, and the correlations."""
     count = len(result.estimates)
     figure, grid = new_figure(1, 2, 4.6, max(0.42 * count + 0.6, 2.4), sharex="none")
-    _draw_intervals(grid[0, 0], result)
+    _draw_estimates(grid[0, 0], result)
     _draw_correlations(figure, grid[0, 1], result)
     return figure
 
@@ -167,8 +167,8 @@ def _draw_line(
     axes.tick_params(labelsize=8)
 
 
-def _draw_intervals(axes: "Axes", result: IdentificationResult) -> None:
-    """Draw each estimate within its range, with its interval as a text beside."""
+def _draw_estimates(axes: "Axes", result: IdentificationResult) -> None:
+    """Draw each estimate and its interval of 95 % within its range, with value and error as a text beside."""
     for i, estimate in enumerate(result.estimates):
         width = estimate.high - estimate.low
         color = RED if estimate.interval is None else BLUE

@@ -189,7 +189,7 @@ def _limit_rows(rows: list[list[str]]) -> list[list[str]]:
 
 
 def find_worst_variants(result: SweepResult, figure: str, count: int) -> polars.DataFrame:
-    """Return the rows of the worst variants: not done, then not held, then without the figure.
+    """Return the rows of the worst variants: not completed, then not held, then without the figure.
 
     Then follow the largest numbers, or false before true. Equal variants are sorted by number.
 

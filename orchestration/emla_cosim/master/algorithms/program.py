@@ -90,10 +90,10 @@ def check_instruction(instruction: Instruction, count: int) -> None:
     instances = instruction.members if isinstance(instruction, Solve) else [instruction.instance]
     if any(position not in range(count) for position in instances):
         raise CommandError(
-            f"{instruction!r} names an instance that does not exist; there are 0 to {count - 1}."
+            f"{instruction!r} uses an instance that does not exist; their numbers are 0 to {count - 1}."
         )
     if len(set(instances)) < len(instances):
-        raise CommandError(f"{instruction!r} has an instance twice.")
+        raise CommandError(f"{instruction!r} uses an instance twice.")
     if isinstance(instruction, Operation) and instruction.call not in list(Call):
         raise CommandError(f"{instruction.call!r} is not a Call.")
 

@@ -387,7 +387,7 @@ def _do_errors_agree(coarse: Vector, fine: Vector, ratio: int, change: Vector) -
 
 
 def _compare_signals(signals: Vector, expected: Vector, ranges: Vector) -> Vector:
-    """Return the differences of signals relative to their ranges, shape (rows, signals)."""
+    """Return the absolute differences of signals relative to their ranges, shape (rows, signals)."""
     with np.errstate(all="ignore"):
         difference = np.abs(signals - expected[: len(signals)]) / ranges
     return np.where(ranges > 0.0, np.nan_to_num(difference, nan=np.inf), 0.0)

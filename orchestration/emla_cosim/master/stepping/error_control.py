@@ -149,7 +149,7 @@ class ErrorControl(Stepping):
         return int(control.tried)
 
     def report(self) -> dict[str, Any]:
-        """Add how the steps were made, and the sum of the errors, to the report."""
+        """Return the report with rejected steps, the longest step, and the largest sum of errors."""
         control = self.control
         return super().report() | {
             "rejected_steps": int(control.rejected),

@@ -398,8 +398,8 @@ class Brake(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         for start, end in self.phases:
             if not end - start > delays:
                 raise ValueError(
-                    f"has the phase from {start:g} to {end:g} s; it must be longer than both delays "
-                    f"together, {delays:g} s."
+                    f"has the phase from {start:g} to {end:g} s; it must be longer than engage_delay "
+                    f"and release_delay together, {delays:g} s."
                 )
         for (_, end), (start, _) in pairwise(self.phases):
             if start < end:
