@@ -140,7 +140,7 @@ def test_margins_of_a_delayed_double_integrator() -> None:
         ({}, "nothing to compute"),
         ({"perturb": "cart.position", "read": "cart.speed"}, "is not an input"),
         ({"perturb": "cart.force", "read": "cart.nothing"}, "not a Real output"),
-        ({"open": "gain.force->cart.force", "at": 19.0}, "too short"),
+        ({"open": "gain.force->cart.force", "at": 19.0}, "not within the run, 0 s to 20 s"),
         ({"open": "gain.force->cart.force", "duration": 0.05}, "at least 20"),
     ],
 )

@@ -367,7 +367,7 @@ def _has_known_outputs(instance: DescribedInstance) -> bool:
 
 
 def _open_files(system: System, fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
-    """Open each FMU once for each kind in use."""
+    """Return the file of each component, with its event mode and sizes; open each FMU once for each kind."""
     keys = {name: (path, system.component(name).kind) for name, path in fmus.items()}
     # co-simulation and Model Exchange can have different libraries
     opened = {

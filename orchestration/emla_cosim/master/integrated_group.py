@@ -242,7 +242,8 @@ class IntegratedGroup(IntegratedInstance):
         """Solve a loop without delay: set its signals, and pass them to the inputs that they drive."""
         signals, loop = self._network.signals, stage.loop
 
-        def evaluate(guess: Vector) -> Vector:
+        def pass_through_loop(guess: Vector) -> Vector:
+            """Return the loop's signals after one pass; the solution is a fixed point."""
             signals[loop] = guess
             for transfer in stage.writes:
                 transfer.write(signals)
@@ -254,7 +255,7 @@ class IntegratedGroup(IntegratedInstance):
             return np.abs(values) + self._scale.floor[loop]
 
         try:  # from the answer to the last values, so that what only seems to be a loop takes two calls
-            signals[loop] = Newton(evaluate, list_sizes).solve(evaluate(signals[loop]))
+            signals[loop] = Newton(pass_through_loop, list_sizes).solve(pass_through_loop(signals[loop]))
         except NoSolutionError as error:
             names = join_names([self._network.names[i] for i in loop])
             raise self._make_integration_error(

@@ -67,7 +67,7 @@ def _judge_each(
 def _require_path(file: RelatedFile) -> Path:
     """Return the path of a related file. Raise NotRunError if it is not in the FMU."""
     if file.path is None:
-        raise NotRunError("It is not in the FMU.")
+        raise NotRunError("The file is not in the FMU.")
     return file.path
 
 

@@ -399,9 +399,9 @@ class HostedInstance(FmiInstance):
             return self.get_typed(variables)
 
     def step(self, time: float, length: float) -> None:
-        """Step from `time` by `length`, both in s. Raise CallError also for a discarded step.
+        """Step from `time` by `length`, both in s; for Model Exchange, integrate between event modes.
 
-        For Model Exchange, integrate, from event mode to event mode.
+        Raise CallError also for a discarded step, except if the FMU asks to end: then `terminated` is set.
         """
         self.step_began = time
         if self.events is not None:

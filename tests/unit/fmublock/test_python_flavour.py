@@ -183,7 +183,7 @@ def test_thousand_failures_do_not_end_the_process(fragile_fmu: Path, tmp_path: P
 
 
 @pytest.mark.slow
-def test_thousand_instances_are_freed(fragile_fmu: Path, tmp_path: Path) -> None:
+def test_host_makes_and_frees_a_thousand_instances(fragile_fmu: Path, tmp_path: Path) -> None:
     code = "for i in range(1000): slave = stepped(); slave.terminate(); slave.freeInstance()"
     assert host(fragile_fmu, tmp_path, f"{code}\nprint('done')") == "done"
 

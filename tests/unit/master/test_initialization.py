@@ -196,7 +196,7 @@ def test_nonlinear_loops_are_solved(output: Callable[[float], float]) -> None:
     assert y == pytest.approx(output(y), rel=1e-11)
 
 
-def test_huge_iterate_is_not_a_solution() -> None:
+def test_huge_iterate_is_not_returned_as_solution() -> None:
     """The search for the solution 1 comes past 1e17, beside which every difference looks small."""
     with contextlib.suppress(RunError):
         assert initial(ring(lambda u: 2.0 - u**3)) == pytest.approx([1.0, 1.0])

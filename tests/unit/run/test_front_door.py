@@ -144,7 +144,7 @@ def test_plots_have_a_panel_per_unit(lift: ec.Simulation) -> None:
         ({"step_size": float("nan")}, "step size nan s"),
         ({"step_size": 3e-4, "stop_time": 1e-3}, "is not a whole number of steps"),
         ({"output_interval": 1.5e-4}, "output interval 0.00015 s"),
-        ({"output_interval": -1.0}, "output interval -1 s must be a positive"),
+        ({"output_interval": -1.0}, "output interval -1 s must be positive and finite"),
         ({"real_time": 0.0}, "real-time factor 0 must be a positive number"),
         ({"algorithm": "euler"}, "there is no algorithm 'euler'; choose from jacobi"),
         ({"algorithm": "jacobi", "coupling_tolerance": 1e-6}, "jacobi has no coupling tolerance; strong has"),
@@ -230,7 +230,7 @@ def test_free_inputs_can_be_set_between_steps(fmu_folder: Path) -> None:
     assert result["plant.x_L"][-1] < 0.25
 
 
-def test_values_between_steps_are_in_the_units_of_the_system(faulty_fmu: Path) -> None:
+def test_values_read_and_set_during_a_run_are_in_the_units_of_the_system(faulty_fmu: Path) -> None:
     """Here in mm, in the FMU in m, with another zero: read, set and recorded alike."""
     to_m = LinearTransformation(1e-3, 0.5)
     aliases = {"place": Alias("y", to_m), "drive": Alias("u", to_m)}

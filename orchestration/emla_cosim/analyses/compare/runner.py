@@ -188,9 +188,10 @@ def _choose_scenarios(scenario: str, table: str | None) -> list[str]:
     return [s for s in printed if s in SCENARIOS]
 
 
-def _choose_cases(table: str | None, resolution: int | None) -> list[ComparisonCase]:
+def _choose_cases(table: str | None, map_resolution: int | None) -> list[ComparisonCase]:
+    """Return the cases of robustness or the points of stability maps; one default case for other tables."""
     if table == ROBUSTNESS:
         return read_robustness_cases()
     if table == STABILITY:
-        return [case for m in read_stability_maps() for case in m.cases(resolution or RESOLUTION)]
+        return [case for m in read_stability_maps() for case in m.cases(map_resolution or RESOLUTION)]
     return [ComparisonCase()]

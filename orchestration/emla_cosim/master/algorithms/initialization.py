@@ -95,7 +95,8 @@ def _solve_group(network: Network, group: list[int], coupled: Indices, scale: Sc
         sweep()
         return
 
-    def evaluate(guess: Vector) -> Vector:
+    def pass_through_group(guess: Vector) -> Vector:
+        """Return the coupled signals after one pass; the solution is a fixed point."""
         network.signals[coupled] = guess
         sweep()
         return network.signals[coupled]
@@ -104,7 +105,7 @@ def _solve_group(network: Network, group: list[int], coupled: Indices, scale: Sc
         return np.abs(values) + scale.floor[coupled]  # not the largest so far: earlier guesses can be huge
 
     try:
-        solution = Newton(evaluate, list_sizes).solve(network.signals[coupled])
+        solution = Newton(pass_through_group, list_sizes).solve(network.signals[coupled])
         # more accurate than the answer, whose rounding errors the loop amplifies
         network.signals[coupled] = solution
     except NoSolutionError as failure:

@@ -274,9 +274,12 @@ class CouplingEstimate:
             missed = 0.5 * np.sqrt(np.mean(changes**2, axis=0)) / store.ranges
         return np.where(store.ranges > 0.0, missed, 0.0) if len(changes) else np.zeros(len(store.ranges))
 
-    def _measure_cost(self, first: int, last: int, allowed: float) -> None:
-        """Set what a step in halves costs, and whether longer steps cost less than those they replace."""
-        count, ratio = min(max(int(0.1 * allowed / self._pace), 2), MEASURED, last - first), GROWTH**2
+    def _measure_cost(self, first: int, last: int, allowed_s: float) -> None:
+        """Time some steps in halves, in about a tenth of `allowed_s`, and steps that are longer.
+
+        Set what a step in halves costs, and whether longer steps cost less than those they replace.
+        """
+        count, ratio = min(max(int(0.1 * allowed_s / self._pace), 2), MEASURED, last - first), GROWTH**2
         start_time = self._clock()
         self._repeat(first, count, program=self._program)
         halves_end = self._clock()

@@ -278,7 +278,7 @@ class Scene:
 
     @cached_property
     def _ground(self) -> Vector:
-        """Corners of the surface under the base."""
+        """Lower left and upper right corner of the rectangle drawn as ground under the base, shape (2, 2)."""
         unit, base = self.parts.unit, np.concatenate(build_polygons([self.parts.base], self.view, {}).lines)
         foot, margin = base[:, 1].min(), 0.15 * unit
         return np.array([[base[:, 0].min() - margin, foot - 0.1 * unit], [base[:, 0].max() + margin, foot]])
