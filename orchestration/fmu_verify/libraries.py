@@ -87,7 +87,7 @@ def parse_platform(folder: str) -> tuple[str, str] | None:
 
 
 def describe_mismatch(path: Path, folder: str) -> str:
-    """Return for what a library is if that is not what its folder is for; otherwise an empty string."""
+    """Return the platforms of a library whose folder is for another one; otherwise an empty string."""
     expected, actual = parse_platform(folder), read_targets(path)
     if expected is None or not actual or expected in actual:
         return ""

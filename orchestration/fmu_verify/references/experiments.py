@@ -272,7 +272,9 @@ def read_setup(subject: Subject, setup: ExperimentSetup) -> tuple[ReferenceSolut
     # rounding must not add a step
     step = setup.numbers.get("stepSize") or (stop - start) / math.ceil((stop - start) / step - 1e-6)
     if abs((stop - start) / step - round((stop - start) / step)) > 1e-3:
-        raise NotRunError(f"{start:g} s to {stop:g} s is not a whole number of its steps of {step:g} s.")
+        raise NotRunError(
+            f"{start:g} s to {stop:g} s is not a whole number of steps of stepSize = {step:g} s."
+        )
     values, unknown = {}, []
     if (path := _find_data(setup, "Parameters")) is not None:
         values, unknown = read_parameter_values(subject, path)

@@ -125,7 +125,7 @@ def test_invalid_files_of_experiments(text: str, words: str, tmp_path: Path) -> 
     ("smoke_tests", "experiment", EXPERIMENTS, experiment('<Stimuli source="https://a.b/c.csv"/>'),
         "Its Stimuli are at 'https://a.b/c.csv', outside of the FMU."),
     ("smoke_tests", "experiment", EXPERIMENTS, experiment(stopTime=1, stepSize=0.3),
-        "0 s to 1 s is not a whole number of its steps of 0.3 s."),
+        "0 s to 1 s is not a whole number of steps of stepSize = 0.3 s."),
     ("parameters", "parameter", "text/csv", "a\n1\n", "It has the type text/csv"),
     ("states", "serialized-state/riscv64-linux", BYTES, b"1", "It is for riscv64-linux"),
     ("metadata", "meta-data", SRMD, meta_data(name="m", data="../gone.fmu"),

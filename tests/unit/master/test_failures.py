@@ -127,7 +127,7 @@ def test_failing_fmu_is_named_and_rows_are_kept(
     ("fault", "stepped"),
     list(zip((Fault.DISCARD, Fault.ERROR, Fault.GET_REAL, Fault.SET_REAL), STEPPED, strict=False)),
 )
-def test_fmu_is_not_terminated_after_an_error(
+def test_fmu_is_terminated_after_discard_but_not_after_an_error(
     fault: Fault, stepped: str, faulty_fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The standard forbids fmi2Terminate after fmi2Error, and requires it after fmi2Discard."""

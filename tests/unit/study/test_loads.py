@@ -114,7 +114,7 @@ def test_feedback_at_its_limit_is_reported(pieces: int) -> None:
     assert metrics.remarks() == []
 
 
-def test_load_on_an_unsettled_screw() -> None:
+def test_load_is_not_within_its_window_if_the_screw_has_not_settled() -> None:
     actual, metrics = evaluate(3e-3, screw=3e-3)
     assert actual["load_within_window"] is False and actual["load_reason"] == "j has not settled."
     assert metrics.reason("j") is None  # the joint's own reason says it

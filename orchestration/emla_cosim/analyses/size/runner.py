@@ -147,7 +147,7 @@ def _drop_tolerances(run: SizedRun, error: CosimError) -> SizedRun:
 
 
 def _check_arguments(cycle: float | None, lead_in: float, ambient: float, life: float | None) -> None:
-    """Raise CommandError for times or a temperature that are not positive and finite."""
+    """Raise CommandError unless cycle, ambient and life are positive, and `lead_in` is not negative."""
     for name, value in (("cycle", cycle), ("life", life), ("ambient", ambient)):
         if value is not None and not 0.0 < value < np.inf:
             raise CommandError(f"{name} is {value!r}; it must be a positive, finite number.")

@@ -128,7 +128,7 @@ class SweepFolder(AnalysisFolder[SweepResult]):
             (self._real_path / name).rmdir()
 
     def keep_chunk(self, chunk: Chunk, measures: Measures) -> None:
-        """Write the results of a chunk atomically. Raise RunError if writing fails."""
+        """Write the series and the table of a chunk, each atomically. Raise RunError if writing fails."""
         name = f"{chunk.outcomes[0].number:09d}.parquet"
         with report_write_errors(self.path):
             if chunk.series is not None:  # before the part: a series without a part does not count

@@ -266,7 +266,7 @@ class NativeLoop:
         }
 
     def share_out(self, lanes: Sequence[Sequence[int]]) -> None:
-        """Share the steps among threads, one per lane, from now on; see `LaneThreads`.
+        """Do the tasks of steps in threads from now on, one per lane of task numbers; see `LaneThreads`.
 
         Raises:
             RunError: The system provides too few threads.

@@ -66,7 +66,7 @@ class StepDivision:
         self._due = 0.0
 
     def divide(self, failure: DiscardedStepError, row: tuple[int, Vector] | None) -> None:
-        """Go back, let the instance do discarded steps in parts, and return to the start of the step.
+        """Let the failed instance do discarded steps in parts; repeat the steps since the saved state.
 
         Args:
             failure: The error of the present step.

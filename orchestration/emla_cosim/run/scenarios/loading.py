@@ -220,7 +220,7 @@ def _load_scenario_file(
 
 
 def _find_system_file(scenario_file: ScenarioFile) -> ScenarioFile | None:
-    """Return the file that describes the system of a scenario: itself, a built-in one, or one of `KINDS`.
+    """Return the file that describes the system of a scenario: itself, a built-in one, or a file it names.
 
     Return None if the system is not a .toml file, either. Raise CommandError if that is only a scenario.
     """

@@ -157,7 +157,7 @@ _TRAJECTORY_COMPONENT = "machine.trajectory"
 
 
 def remarks(system: System, options: Options) -> Sequence[str]:
-    """Return warnings without full stops.
+    """Return warnings on actuators and overrides, without full stops.
 
     Raises:
         CommandError: An actuator cannot do what its joint requires, or a load control has the wrong sensor.

@@ -132,14 +132,14 @@ def _project_lines(part: Part, view: View) -> Iterable[tuple[Vector, float]]:
 
 
 def convex_line(points: Vector) -> Vector:
-    """Return the corners of the convex line around points in a view, one row each, anticlockwise.
+    """Return the corners of the convex hull of points in a view, one row each, anticlockwise.
 
     SciPy has this, too, but the pictures of a run do without it (Andrew's monotone chain).
     """
     in_order = sorted(set(map(tuple, points.tolist())))
 
-    def build_chain(points: Sequence[Sequence[float]]) -> list[Sequence[float]]:
-        # one side of the line, without its last corner
+    def build_half_hull(points: Sequence[Sequence[float]]) -> list[Sequence[float]]:
+        """Return one side of the hull of sorted points, without its last corner."""
         line = list[Sequence[float]]()
         for x, y in points:
             while len(line) > 1 and not _is_left_turn(line[-2], line[-1], (x, y)):
@@ -147,7 +147,7 @@ def convex_line(points: Vector) -> Vector:
             line.append((x, y))
         return line[:-1]
 
-    return np.array([*build_chain(in_order), *build_chain(in_order[::-1])])
+    return np.array([*build_half_hull(in_order), *build_half_hull(in_order[::-1])])
 
 
 def _is_left_turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> bool:

@@ -135,7 +135,9 @@ def test_estimates_and_errors_equal_those_of_scipy(identify: Identify) -> None:
     assert result.sigma["Cart.x"] == pytest.approx(fit.rms, rel=0.03)
 
 
-def test_run_ends_where_the_measurement_ends(fmu: Path, identify: Identify, scheduler: Client) -> None:
+def test_stop_time_defaults_to_the_end_of_the_measurement(
+    fmu: Path, identify: Identify, scheduler: Client
+) -> None:
     """Data for inputs need a stop time; without any it is that of the measured data."""
     options = {"set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, **data(noisy())}
     ranges = {"Cart.m": "0.2:10"}
