@@ -17,7 +17,7 @@ import pytest
 import fmublock.cache as cache
 import fmublock.files
 from emla_cosim.base.errors import CommandError, find_exit_code
-from emla_cosim.base.output_files import exclusive_lock
+from emla_cosim.base.folder_lock import exclusive_lock
 from fmublock.files import write_atomically
 from fmublock.platforms import host_platform
 from tests.support.commands import Emla, sentence

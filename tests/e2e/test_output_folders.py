@@ -19,7 +19,7 @@ import emla_cosim as ec
 import fmublock.files
 from emla_cosim.analyses.sweep.folder import SweepFolder
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.output_files import exclusive_lock
+from emla_cosim.base.folder_lock import exclusive_lock
 from emla_cosim.cli.app import COMMANDS
 from emla_cosim.fmu.file import UnsafeArchiveError, unpack
 from emla_cosim.fmu.models import FMU_FOLDER, check_build_path
@@ -348,7 +348,7 @@ def test_lock_of_a_killed_command_is_taken_over(fork: str, emla: Emla, tmp_path:
     out.mkdir()
     code = (
         "import ctypes, sys; from pathlib import Path\n"
-        "from emla_cosim.base.output_files import exclusive_lock as e\n"
+        "from emla_cosim.base.folder_lock import exclusive_lock as e\n"
         f"with e(Path(sys.argv[1])): print('held', flush=True); {fork}sys.stdin.read()"
     )
     command, pipe = [sys.executable, "-c", code, str(out)], subprocess.PIPE

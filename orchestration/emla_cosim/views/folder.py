@@ -16,7 +16,8 @@ from ..base.files import (
     resolve_output_path,
     write_atomically,
 )
-from ..base.output_files import RECORDS, exclusive_lock, has_format, has_record, is_new, is_regular
+from ..base.folder_lock import exclusive_lock
+from ..base.output_files import RECORDS, has_format, has_record, is_new, is_regular
 from .plots.style import save
 
 if TYPE_CHECKING:

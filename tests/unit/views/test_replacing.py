@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.output_files import RECORDS, OutputFile, exclusive_lock, has_format
+from emla_cosim.base.folder_lock import exclusive_lock
+from emla_cosim.base.output_files import RECORDS, OutputFile, has_format
 from emla_cosim.views.folder import Folder
 from emla_cosim.views.output_folder import OutputFolder
 

@@ -22,7 +22,7 @@ from emla_cosim.analyses.sweep.result import SweepResult
 from emla_cosim.analyses.sweep.runner import sweep
 from emla_cosim.analyses.variants.measures import Chunk, Measures, VariantOutcome
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.output_files import exclusive_lock
+from emla_cosim.base.folder_lock import exclusive_lock
 from emla_cosim.system.model import Component, System
 from tests.support.commands import Emla, sentence
 from tests.support.odd_files import ODD
